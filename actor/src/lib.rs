@@ -1,0 +1,1 @@
+//! Weights and graph in, rollouts and traces out.

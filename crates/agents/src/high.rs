@@ -1,0 +1,471 @@
+//! Stage 3b: the high level, PPO over the neighbours of the latent graph's current node.
+//!
+//! LG-H-PPO (Han 2026), section on latent-graph planning: state (v_t, z_final), actions the K
+//! nodes with non-neighbours masked, softmax, generalised advantages and the clipped surrogate.
+//! Steps come from the graph itself (an edge succeeds with its measured reliability) and from
+//! rollouts in the physics.
+
+use graph::Graph;
+use nets::categorical::{self, Masked};
+use nets::{Activation, Adam, Mlp, Workspace, clip_global_norm};
+use rand::{Rng, RngExt};
+
+use crate::ppo::{self, End, Report};
+
+/// Settings of the high level.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Hidden layers of policy and value.
+    pub hidden: Vec<usize>,
+    /// Step size of Adam.
+    pub learning_rate: f32,
+    /// Walks on the graph that run side by side.
+    pub environments: usize,
+    /// Edges that each walk takes between updates.
+    pub horizon: usize,
+    /// PPO's own.
+    pub ppo: ppo::Settings,
+    /// Reward on arrival at the goal's node.
+    pub arrival_reward: f32,
+    /// Cost of an edge, in proportion to its mean steps.
+    pub edge_cost: f32,
+    /// Edges after which a walk is cut off.
+    pub max_edges: usize,
+}
+
+/// Frequencies of the Fourier features of a latent.
+const FREQUENCIES: [f32; 4] = [1.0, 2.0, 4.0, 8.0];
+
+/// The policy's shape over a graph's nodes.
+#[derive(Debug, Clone)]
+pub struct Policy {
+    mlp: Mlp,
+    latent: usize,
+}
+
+fn input_width(latent: usize) -> usize {
+    let embedding = latent * (1 + 2 * FREQUENCIES.len());
+    2 * embedding + latent
+}
+
+impl Policy {
+    /// A policy with `nodes` logits over latents of this width.
+    #[must_use]
+    pub fn new(latent: usize, nodes: usize, hidden: &[usize]) -> Self {
+        let sizes = [&[input_width(latent)], hidden, &[nodes]].concat();
+        Self { mlp: Mlp::new(&sizes, Activation::Gelu, false), latent }
+    }
+
+    /// The network; its parameters are the policy's weights.
+    #[must_use]
+    pub fn mlp(&self) -> &Mlp {
+        &self.mlp
+    }
+
+    /// Appends the input of a node's latent and the goal's latent.
+    pub fn input(&self, node: &[f32], goal: &[f32], input: &mut Vec<f32>) {
+        embed(node, goal, self.latent, input);
+    }
+
+    /// Logits `[batch, nodes]`; only those of neighbours mean anything.
+    pub fn logits<'w>(
+        &self,
+        weights: &[f32],
+        input: &[f32],
+        batch: usize,
+        workspace: &'w mut Workspace,
+    ) -> &'w [f32] {
+        self.mlp.infer(weights, input, batch, workspace)
+    }
+}
+
+fn embed(node: &[f32], goal: &[f32], latent: usize, input: &mut Vec<f32>) {
+    for z in [node, goal] {
+        input.extend_from_slice(&z[..latent]);
+        for frequency in FREQUENCIES {
+            for value in &z[..latent] {
+                let (sin, cos) = (value * frequency * std::f32::consts::FRAC_PI_4).sin_cos();
+                input.extend([sin, cos]);
+            }
+        }
+    }
+    input.extend(node.iter().zip(goal).map(|(a, b)| b - a).take(latent));
+}
+
+/// One choice of a walk, in the physics or on the graph.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Choice {
+    /// Node chosen at.
+    pub node: u32,
+    /// Goal's node.
+    pub goal: u32,
+    /// Neighbour chosen.
+    pub subgoal: u32,
+    /// Its log-probability when chosen.
+    pub log_prob: f32,
+    /// Reward of the choice.
+    pub reward: f32,
+    /// How it ended.
+    pub end: End,
+}
+
+#[derive(Default)]
+struct Batch {
+    choices: Vec<Choice>,
+    records: Vec<usize>,
+    /// Node after each record's last choice, and its goal.
+    finals: Vec<(u32, u32)>,
+}
+
+/// One walk on the graph.
+#[derive(Clone, Copy)]
+struct Walk {
+    node: u32,
+    goal: u32,
+    edges: usize,
+}
+
+/// Policy and value in training on one graph.
+pub struct High {
+    policy: Policy,
+    value: Mlp,
+    settings: Settings,
+    /// The policy's weights, as actors use them.
+    pub weights: Vec<f32>,
+    value_parameters: Vec<f32>,
+    policy_adam: Adam,
+    value_adam: Adam,
+    policy_workspace: Workspace,
+    value_workspace: Workspace,
+    walks: Vec<Walk>,
+    batch: Batch,
+    pending: Batch,
+    /// Choices made on the graph so far.
+    pub steps: u64,
+    /// Share of finished walks that arrived since last asked, and their number.
+    arrivals: (u64, u64),
+}
+
+impl High {
+    /// Fresh networks for a graph.
+    pub fn new(graph: &Graph, settings: Settings, rng: &mut impl Rng) -> Self {
+        let nodes = graph.len();
+        let policy = Policy::new(graph.latent_dim, nodes, &settings.hidden);
+        let sizes = [&[input_width(graph.latent_dim)], settings.hidden.as_slice(), &[1]].concat();
+        let value = Mlp::new(&sizes, Activation::Gelu, false);
+        let weights = policy.mlp.init(rng, 0.01);
+        let value_parameters = value.init(rng, 1.0);
+        let capacity = settings.ppo.minibatch.max(settings.environments);
+        let walks = (0..settings.environments).map(|_| new_walk(nodes, rng)).collect();
+        Self {
+            policy_adam: Adam::new(weights.len(), settings.learning_rate),
+            value_adam: Adam::new(value_parameters.len(), settings.learning_rate),
+            policy_workspace: policy.mlp.workspace(capacity),
+            value_workspace: value.workspace(capacity),
+            policy,
+            value,
+            settings,
+            weights,
+            value_parameters,
+            walks,
+            batch: Batch::default(),
+            pending: Batch::default(),
+            steps: 0,
+            arrivals: (0, 0),
+        }
+    }
+
+    /// The policy's shape.
+    #[must_use]
+    pub fn policy(&self) -> &Policy {
+        &self.policy
+    }
+
+    /// Sets the step size of both networks.
+    pub fn set_learning_rate(&mut self, rate: f32) {
+        self.policy_adam.learning_rate = rate;
+        self.value_adam.learning_rate = rate;
+    }
+
+    /// Adds the choices of one rollout in the physics to the next update. Choices that the graph
+    /// does not hold are left out.
+    pub fn add_rollout(&mut self, graph: &Graph, choices: &[Choice], last: u32) {
+        let nodes = graph.len() as u32;
+        let known = |c: &Choice| {
+            c.node < nodes && c.goal < nodes && graph.edge(c.node, c.subgoal).is_some()
+        };
+        if choices.is_empty() || last >= nodes || !choices.iter().all(known) {
+            return;
+        }
+        self.pending.choices.extend_from_slice(choices);
+        self.pending.records.push(choices.len());
+        self.pending.finals.push((last, choices[choices.len() - 1].goal));
+    }
+
+    /// Choices of rollouts that wait for the next update.
+    #[must_use]
+    pub fn pending(&self) -> usize {
+        self.pending.choices.len()
+    }
+
+    /// Share of the walks that arrived, of those that ended since the last call.
+    pub fn take_success(&mut self) -> Option<f32> {
+        let (arrived, ended) = std::mem::take(&mut self.arrivals);
+        (ended > 0).then(|| arrived as f32 / ended as f32)
+    }
+
+    /// Walks on the graph for `horizon` edges and updates policy and value on all that was seen.
+    pub fn update(&mut self, graph: &Graph, rng: &mut impl Rng) -> Report {
+        self.walk(graph, rng);
+        let pending = std::mem::take(&mut self.pending);
+        self.batch.choices.extend(pending.choices);
+        self.batch.records.extend(pending.records);
+        self.batch.finals.extend(pending.finals);
+
+        let batch = std::mem::take(&mut self.batch);
+        let pairs: Vec<(u32, u32)> = batch.choices.iter().map(|c| (c.node, c.goal)).collect();
+        let values = self.values(graph, &pairs);
+        let final_values = self.values(graph, &batch.finals);
+        let rewards: Vec<f32> = batch.choices.iter().map(|c| c.reward).collect();
+        let ends: Vec<End> = batch.choices.iter().map(|c| c.end).collect();
+        let mut estimate = ppo::Estimate::default();
+        ppo::estimate(
+            &self.settings.ppo,
+            &batch.records,
+            (&values, &final_values),
+            (&rewards, &ends),
+            &mut estimate,
+        );
+        let settings = self.settings.ppo.clone();
+        let mut scratch = Scratch::default();
+        let report = ppo::epochs(&settings, batch.choices.len(), rng, |minibatch| {
+            self.step(graph, &batch.choices, &estimate, minibatch, &mut scratch)
+        });
+        self.batch = batch;
+        self.batch.choices.clear();
+        self.batch.records.clear();
+        self.batch.finals.clear();
+        report
+    }
+
+    /// Values of (node, goal) pairs.
+    fn values(&mut self, graph: &Graph, pairs: &[(u32, u32)]) -> Vec<f32> {
+        let mut values = Vec::with_capacity(pairs.len());
+        let mut input = vec![];
+        for chunk in pairs.chunks(self.settings.ppo.minibatch) {
+            input.clear();
+            for &(node, goal) in chunk {
+                embed(graph.latent(node), graph.latent(goal), graph.latent_dim, &mut input);
+            }
+            let rows = chunk.len();
+            let workspace = &mut self.value_workspace;
+            let out = self.value.infer(&self.value_parameters, &input, rows, workspace);
+            values.extend_from_slice(&out[..rows]);
+        }
+        values
+    }
+
+    fn walk(&mut self, graph: &Graph, rng: &mut impl Rng) {
+        let (walks, horizon) = (self.walks.len(), self.settings.horizon);
+        let nodes = graph.len();
+        // Step-major while walking, one record a walk afterwards.
+        let mut choices: Vec<Vec<Choice>> = vec![Vec::with_capacity(horizon); walks];
+        let mut input = vec![];
+        let mut allowed = vec![];
+        for _ in 0..horizon {
+            input.clear();
+            for walk in &self.walks {
+                let (node, goal) = (graph.latent(walk.node), graph.latent(walk.goal));
+                self.policy.input(node, goal, &mut input);
+            }
+            let logits =
+                self.policy.mlp.infer(&self.weights, &input, walks, &mut self.policy_workspace);
+            for (i, walk) in self.walks.iter_mut().enumerate() {
+                let edges = graph.neighbours(walk.node);
+                allowed.clear();
+                allowed.extend(edges.iter().map(|edge| edge.to as usize));
+                let row = &logits[i * nodes..(i + 1) * nodes];
+                let Some(masked) = Masked::new(row, &allowed) else { continue };
+                let picked = masked.sample(rng);
+                let edge = &edges[picked];
+                let passed = rng.random::<f32>() < graph.reliability(edge);
+                let next = if passed { edge.to } else { walk.node };
+                let arrived = next == walk.goal;
+                let out_of_time = walk.edges + 1 >= self.settings.max_edges;
+                let choice = Choice {
+                    node: walk.node,
+                    goal: walk.goal,
+                    subgoal: edge.to,
+                    log_prob: masked.log_prob(picked),
+                    reward: reward(&self.settings, graph, edge.mean_steps, arrived),
+                    end: if arrived {
+                        End::Terminal
+                    } else if out_of_time {
+                        End::Truncated
+                    } else {
+                        End::Not
+                    },
+                };
+                choices[i].push(choice);
+                walk.node = next;
+                walk.edges += 1;
+                if choice.end != End::Not {
+                    self.arrivals.0 += u64::from(arrived);
+                    self.arrivals.1 += 1;
+                    self.batch.records.push(choices[i].len());
+                    self.batch.choices.append(&mut choices[i]);
+                    self.batch.finals.push((next, walk.goal));
+                    *walk = new_walk(nodes, rng);
+                }
+            }
+            self.steps += walks as u64;
+        }
+        for (walk, mut record) in self.walks.iter().zip(choices) {
+            if let Some(last) = record.last_mut() {
+                last.end = End::Truncated;
+                self.batch.records.push(record.len());
+                self.batch.choices.append(&mut record);
+                self.batch.finals.push((walk.node, walk.goal));
+            }
+        }
+    }
+
+    fn step(
+        &mut self,
+        graph: &Graph,
+        choices: &[Choice],
+        estimate: &ppo::Estimate,
+        minibatch: &[usize],
+        s: &mut Scratch,
+    ) -> Report {
+        let (n, nodes) = (minibatch.len(), graph.len());
+        let scale = 1.0 / n as f32;
+        s.input.clear();
+        for &i in minibatch {
+            let Choice { node, goal, .. } = choices[i];
+            self.policy.input(graph.latent(node), graph.latent(goal), &mut s.input);
+        }
+        s.logit_gradient.clear();
+        s.logit_gradient.resize(n * nodes, 0.0);
+        s.error.resize(n, 0.0);
+        let mut report = Report::default();
+        let logits = self.policy.mlp.forward(&self.weights, &s.input, n, &mut self.policy_workspace);
+        for (row, &i) in minibatch.iter().enumerate() {
+            let choice = &choices[i];
+            s.allowed.clear();
+            s.allowed.extend(graph.neighbours(choice.node).iter().map(|edge| edge.to as usize));
+            let Some(picked) = s.allowed.iter().position(|&j| j == choice.subgoal as usize) else {
+                continue;
+            };
+            let Some(masked) = Masked::new(&logits[row * nodes..(row + 1) * nodes], &s.allowed)
+            else {
+                continue;
+            };
+            let log_prob = masked.log_prob(picked);
+            let (loss, gradient, clipped) = ppo::surrogate(
+                log_prob,
+                choice.log_prob,
+                estimate.advantages[i],
+                self.settings.ppo.clip,
+            );
+            let out = &mut s.logit_gradient[row * nodes..(row + 1) * nodes];
+            masked.add_gradient(picked, scale * gradient, -scale * self.settings.ppo.entropy, out);
+            let shift = log_prob - choice.log_prob;
+            report.policy_loss += scale * loss;
+            report.entropy += scale * masked.entropy();
+            report.kl += scale * (shift.exp() - 1.0 - shift);
+            report.clip_fraction += scale * f32::from(u8::from(clipped));
+        }
+        s.gradient.clear();
+        s.gradient.resize(self.weights.len(), 0.0);
+        self.policy.mlp.backward(
+            &self.weights,
+            &s.input,
+            n,
+            &mut self.policy_workspace,
+            &s.logit_gradient,
+            &mut s.gradient,
+            None,
+        );
+        clip_global_norm(&mut s.gradient, self.settings.ppo.max_gradient_norm);
+        self.policy_adam.step(&mut self.weights, &s.gradient);
+
+        let parameters = &mut self.value_parameters;
+        let values = self.value.forward(parameters, &s.input, n, &mut self.value_workspace);
+        for (row, &i) in minibatch.iter().enumerate() {
+            let error = values[row] - estimate.returns[i];
+            report.value_loss += scale * error * error;
+            s.error[row] = 2.0 * scale * self.settings.ppo.value_loss * error;
+        }
+        s.gradient.clear();
+        s.gradient.resize(parameters.len(), 0.0);
+        self.value.backward(
+            parameters,
+            &s.input,
+            n,
+            &mut self.value_workspace,
+            &s.error,
+            &mut s.gradient,
+            None,
+        );
+        clip_global_norm(&mut s.gradient, self.settings.ppo.max_gradient_norm);
+        self.value_adam.step(parameters, &s.gradient);
+        report
+    }
+
+    /// Share of all (start, goal) pairs, thinned to at most `pairs`, that the most likely choices
+    /// lead from start to goal, and their path's mean length over the shortest path's.
+    pub fn quality(&mut self, graph: &Graph, pairs: usize, rng: &mut impl Rng) -> (f32, f32) {
+        let nodes = graph.len();
+        let (mut arrived, mut ratio) = (0_u32, 0.0);
+        let mut input = vec![];
+        for _ in 0..pairs {
+            let Walk { node: start, goal, .. } = new_walk(nodes, rng);
+            let shortest = graph.distances_to(goal, |_| 1.0)[start as usize];
+            let mut node = start;
+            for edges in 1..=self.settings.max_edges {
+                input.clear();
+                self.policy.input(graph.latent(node), graph.latent(goal), &mut input);
+                let logits =
+                    self.policy.mlp.infer(&self.weights, &input, 1, &mut self.policy_workspace);
+                let best = graph
+                    .neighbours(node)
+                    .iter()
+                    .max_by(|a, b| logits[a.to as usize].total_cmp(&logits[b.to as usize]));
+                let Some(edge) = best else { break };
+                node = edge.to;
+                if node == goal {
+                    arrived += 1;
+                    ratio += edges as f32 / shortest.max(1.0);
+                    break;
+                }
+            }
+        }
+        (arrived as f32 / pairs.max(1) as f32, ratio / arrived.max(1) as f32)
+    }
+}
+
+#[derive(Default)]
+struct Scratch {
+    input: Vec<f32>,
+    allowed: Vec<usize>,
+    logit_gradient: Vec<f32>,
+    error: Vec<f32>,
+    gradient: Vec<f32>,
+}
+
+/// Reward of one choice: the edge's cost in proportion to its mean steps, and the arrival's gain.
+#[must_use]
+pub fn reward(settings: &Settings, graph: &Graph, steps: f32, arrived: bool) -> f32 {
+    let cost = settings.edge_cost * steps / graph.mean_edge_steps().max(1.0);
+    if arrived { settings.arrival_reward - cost } else { -cost }
+}
+
+fn new_walk(nodes: usize, rng: &mut impl Rng) -> Walk {
+    let node = rng.random_range(0..nodes.max(2));
+    let mut goal = rng.random_range(0..nodes.max(2) - 1);
+    if goal >= node {
+        goal += 1;
+    }
+    Walk { node: node as u32, goal: goal as u32, edges: 0 }
+}

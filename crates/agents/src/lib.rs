@@ -1,0 +1,15 @@
+//! One file an algorithm: losses, update, act. Knows no processes.
+//!
+//! | file | algorithm | stage |
+//! |---|---|---|
+//! | `vae.rs` | latent encoder | 1 |
+//! | `low.rs` | goal-conditioned advantage-weighted regression | 3a |
+//! | `high.rs` | PPO with masked logits on the latent graph | 3b |
+//! | `walker.rs` | PPO of a walking policy, which makes the offline data | - |
+//! | `ppo.rs` | what the two PPO agents share: advantages, surrogate, epochs | - |
+
+pub mod high;
+pub mod low;
+pub mod ppo;
+pub mod vae;
+pub mod walker;

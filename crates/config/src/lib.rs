@@ -1,0 +1,1 @@
+//! The run file: parsed, checked as a whole, resolved.

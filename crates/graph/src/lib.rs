@@ -1,0 +1,1 @@
+//! The latent graph: k-means, edges, statistics, shortest paths.

@@ -1,0 +1,185 @@
+//! Parameter files: safetensors, written whole or not at all.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+
+/// A named tensor: name, shape, row-major values.
+pub type Tensor<'a> = (String, Vec<usize>, &'a [f32]);
+
+/// Why a parameter file could not be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// The system refused.
+    #[error("{path}: {source}", path = .path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not a safetensors file, or a damaged one.
+    #[error("not a whole safetensors file: {0}")]
+    Damaged(String),
+    /// A tensor that should be there is not.
+    #[error("tensor '{0}' is missing")]
+    Missing(String),
+    /// A tensor of another shape or type.
+    #[error("tensor '{name}' has shape {got:?}, expected {expected:?} of f32")]
+    Shape {
+        /// Its name.
+        name: String,
+        /// Shape wanted.
+        expected: Vec<usize>,
+        /// Shape found.
+        got: Vec<usize>,
+    },
+    /// A value that is NaN or infinite.
+    #[error("tensor '{name}' holds a value that is not finite at index {index}")]
+    NotFinite {
+        /// Its name.
+        name: String,
+        /// Index of the first such value.
+        index: usize,
+    },
+}
+
+/// Writes tensors and metadata beside `path`, syncs and renames.
+///
+/// # Errors
+/// What the system or the format refuses.
+pub fn save(
+    path: &Path,
+    tensors: &[Tensor<'_>],
+    metadata: &BTreeMap<String, String>,
+) -> Result<(), FileError> {
+    let io = |source| FileError::Io { path: path.to_path_buf(), source };
+    let bytes: Vec<Vec<u8>> = tensors
+        .iter()
+        .map(|(_, _, values)| values.iter().flat_map(|v| v.to_le_bytes()).collect())
+        .collect();
+    let mut views = vec![];
+    for ((name, shape, _), bytes) in tensors.iter().zip(&bytes) {
+        let view = TensorView::new(Dtype::F32, shape.clone(), bytes)
+            .map_err(|error| FileError::Damaged(error.to_string()))?;
+        views.push((name.clone(), view));
+    }
+    let metadata: HashMap<String, String> =
+        metadata.iter().map(|(k, v)| (k.clone(), v.clone())).collect();
+    let whole = safetensors::serialize(views, Some(metadata))
+        .map_err(|error| FileError::Damaged(error.to_string()))?;
+    let part = path.with_extension("part");
+    let mut file = File::create(&part).map_err(io)?;
+    file.write_all(&whole).map_err(io)?;
+    file.sync_all().map_err(io)?;
+    std::fs::rename(&part, path).map_err(io)
+}
+
+/// A parameter file in memory.
+pub struct ParameterFile {
+    tensors: BTreeMap<String, (Vec<usize>, Vec<f32>)>,
+    metadata: BTreeMap<String, String>,
+}
+
+impl ParameterFile {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// What the system refuses, or damage.
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        let bytes = std::fs::read(path)
+            .map_err(|source| FileError::Io { path: path.to_path_buf(), source })?;
+        Self::from_bytes(&bytes)
+    }
+
+    /// Reads a file's bytes.
+    ///
+    /// # Errors
+    /// Damage.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, FileError> {
+        let damaged = |error: safetensors::SafeTensorError| FileError::Damaged(error.to_string());
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
+        let metadata = header.metadata().iter().flatten();
+        let metadata = metadata.map(|(k, v)| (k.clone(), v.clone())).collect();
+        let file = SafeTensors::deserialize(bytes).map_err(damaged)?;
+        let mut tensors = BTreeMap::new();
+        for (name, view) in file.tensors() {
+            if view.dtype() == Dtype::F32 {
+                let (values, _) = view.data().as_chunks::<4>();
+                let values = values.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+                tensors.insert(name, (view.shape().to_vec(), values));
+            }
+        }
+        Ok(Self { tensors, metadata })
+    }
+
+    /// A tensor of a known shape.
+    ///
+    /// # Errors
+    /// When it is missing, has another shape, or holds a value that is not finite.
+    pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, FileError> {
+        let (got, values) =
+            self.tensors.get(name).ok_or_else(|| FileError::Missing(name.to_owned()))?;
+        if got != shape {
+            return Err(FileError::Shape {
+                name: name.to_owned(),
+                expected: shape.to_vec(),
+                got: got.clone(),
+            });
+        }
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(index) => Err(FileError::NotFinite { name: name.to_owned(), index }),
+            None => Ok(values.clone()),
+        }
+    }
+
+    /// The metadata.
+    #[must_use]
+    pub fn metadata(&self) -> &BTreeMap<String, String> {
+        &self.metadata
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written() -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("w.safetensors");
+        let values: Vec<f32> = (0..12).map(|i| i as f32).collect();
+        let metadata = BTreeMap::from([("hidden".to_owned(), "3,4".to_owned())]);
+        save(&path, &[("a".to_owned(), vec![3, 4], &values)], &metadata).unwrap();
+        (folder, path)
+    }
+
+    #[test]
+    fn what_is_saved_is_loaded() {
+        let (_folder, path) = written();
+        let file = ParameterFile::load(&path).unwrap();
+        assert_eq!(file.tensor("a", &[3, 4]).unwrap()[11], 11.0);
+        assert_eq!(file.metadata()["hidden"], "3,4");
+        assert!(matches!(file.tensor("b", &[1]), Err(FileError::Missing(_))));
+        assert!(matches!(file.tensor("a", &[12]), Err(FileError::Shape { .. })));
+        assert!(!path.with_extension("part").exists());
+    }
+
+    #[test]
+    fn damage_is_an_error_or_a_refused_value_never_a_panic() {
+        let (_folder, path) = written();
+        let bytes = std::fs::read(&path).unwrap();
+        for length in 0..bytes.len() {
+            assert!(ParameterFile::from_bytes(&bytes[..length]).is_err(), "cut at {length}");
+        }
+        for at in 0..bytes.len() {
+            let mut flipped = bytes.clone();
+            flipped[at] ^= 0xff;
+            if let Ok(file) = ParameterFile::from_bytes(&flipped) {
+                let _ = file.tensor("a", &[3, 4]);
+            }
+        }
+    }
+}

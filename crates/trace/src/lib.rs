@@ -1,0 +1,1 @@
+//! MCAP traces of episodes.

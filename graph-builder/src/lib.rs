@@ -1,0 +1,1 @@
+//! Data set and encoder in, latent graph out.

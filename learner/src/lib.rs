@@ -1,0 +1,1 @@
+//! Data set and rollouts in, weights and checkpoints out.
