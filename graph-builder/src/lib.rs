@@ -1,1 +1,1 @@
-//! Data set and encoder in, latent graph out.
+//! The graph-builder: data set and encoder in, latent graph out.

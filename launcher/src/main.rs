@@ -1,1 +1,95 @@
-fn main() {}
+//! `formica`: launches a run and supervises its processes; the roles themselves are subcommands.
+//!
+//! Exit codes: 0 fine, 1 failed, 2 a fault in what the user gave, 130 ended by Ctrl-C.
+
+mod check;
+mod children;
+mod doctor;
+mod folder;
+mod launch;
+mod progress;
+mod role;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Offline hierarchical reinforcement learning on a latent graph, as supervised processes.
+#[derive(Parser)]
+#[command(version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run what a config describes: data, training, evaluation
+    Launch(ConfigArgs),
+    /// Name every fault of a config and what it needs, before anything starts
+    Check(ConfigArgs),
+    /// Make the offline data set of a config
+    Collect(ConfigArgs),
+    /// Walk the maze with the walker and a perfect planner: the ceiling of any method
+    Ceiling {
+        #[command(flatten)]
+        config: ConfigArgs,
+        /// Episodes
+        #[arg(long, default_value_t = 100)]
+        episodes: usize,
+        /// Weights of the walker; the ones built in by default
+        #[arg(long)]
+        walker: Option<PathBuf>,
+    },
+    /// Look at this machine, and clear what dead runs left in shared memory
+    Doctor,
+    /// An actor of a run (started by launch)
+    Actor(actor::Args),
+    /// The learner of a run (started by launch)
+    Learner(learner::Args),
+    /// The graph-builder of a run (started by launch)
+    GraphBuilder(graph_builder::Args),
+}
+
+#[derive(clap::Args)]
+struct ConfigArgs {
+    /// The run file
+    config: PathBuf,
+    /// A value laid over the file's: --set table.key=value
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = pair)]
+    sets: Vec<(String, String)>,
+}
+
+fn pair(text: &str) -> Result<(String, String), String> {
+    let (key, value) = text.split_once('=').ok_or("expected table.key=value")?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Launch(args) => {
+            check::load(&args.config, &args.sets).and_then(|config| launch::launch(&config))
+        }
+        Command::Check(args) => check::load(&args.config, &args.sets).map(|_| {
+            println!("{}: no fault found", args.config.display());
+            ExitCode::SUCCESS
+        }),
+        Command::Collect(args) => check::load(&args.config, &args.sets)
+            .and_then(|config| role::collect(&config).map(|()| ExitCode::SUCCESS)),
+        Command::Ceiling { config, episodes, walker } => check::load(&config.config, &config.sets)
+            .and_then(|config| {
+                let path = walker.as_deref();
+                role::ceiling(&config, episodes, path).map(|()| ExitCode::SUCCESS)
+            }),
+        Command::Doctor => doctor::doctor(),
+        Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),
+        Command::Learner(args) => role::run(|stop| learner::run(&args, stop)),
+        Command::GraphBuilder(args) => role::run(|stop| graph_builder::run(&args, stop)),
+    };
+    result.unwrap_or_else(|error| {
+        eprintln!("formica: {error:#}");
+        let usage = error.is::<config::Faults>() || error.is::<check::TooSmall>();
+        ExitCode::from(if usage { 2 } else { 1 })
+    })
+}

@@ -1,1 +1,37 @@
-//! Data set and rollouts in, weights and checkpoints out.
+//! The learner: data set and rollouts in, weights and checkpoints out.
+
+mod walk;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use config::{Config, Kind};
+use wire::{Bus, RunDomain};
+
+/// What the learner is told.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Args {
+    /// The run's domain of channels (8 hexadecimal digits)
+    #[arg(long)]
+    pub domain: String,
+    /// The run's folder
+    #[arg(long)]
+    pub folder: PathBuf,
+}
+
+/// Runs the learner until the launcher says that all is done, or `stop` is set.
+///
+/// # Errors
+/// A run that is not there, a channel that cannot be used, a config or data set that cannot be
+/// read.
+pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
+    let config = Config::load(&args.folder.join("config.toml"), &[])?;
+    let domain = RunDomain::open(&args.domain)?;
+    let bus = Bus::join(&domain, "learner")?;
+    let stopped = || stop.load(Ordering::Relaxed);
+    match config.run.kind {
+        Kind::Walker => walk::run(&config, &args.folder, &bus, &stopped),
+        Kind::Offline => anyhow::bail!("not yet"),
+    }
+}

@@ -1,1 +1,90 @@
-//! Every message between processes, over iceoryx2.
+//! Every message between the processes of a run, its service, size and limits, over iceoryx2.
+//! The only crate that names iceoryx2.
+//!
+//! | service | from -> to | payload |
+//! |---|---|---|
+//! | trajectories | actors -> learner, graph-builder | [`Transition`]s behind a [`TrajectoryHeader`] |
+//! | acknowledgements | learner, graph-builder -> actors | next sequence number of each actor |
+//! | weights-* | learner -> all | flat f32 of a [`Module`] |
+//! | graph | graph-builder -> all | bytes of the graph file |
+//! | directive | launcher -> all | [`Directive`], latest value |
+//! | status, metrics, results | all -> launcher | [`Status`], [`Metric`], [`EpisodeResult`] |
+//!
+//! iceoryx2 alone does not promise that nothing is lost: a publisher drops what a reader that has
+//! not yet connected should have got, and a blocking one hangs when a reader stalls. So an actor
+//! says hello until every required reader has acknowledged it, and keeps no more trajectories
+//! unacknowledged than a reader's buffer holds; sending then never blocks and never drops.
+
+mod bus;
+mod domain;
+mod latest;
+mod records;
+mod reports;
+mod trajectories;
+
+pub use bus::{Bus, Limits, Waker, shared_memory_available};
+pub use domain::{Leftover, RunDomain, clear, leftovers};
+pub use latest::{
+    DirectivePublisher, DirectiveSubscriber, GraphPublisher, GraphSubscriber, Weights,
+    WeightsPublisher, WeightsSubscriber,
+};
+pub use records::{
+    ACTION, Directive, EpisodeResult, Kind, LAYOUT, MAX_ACTORS, MAX_EPISODES, Metric, Module,
+    OBSERVATION, Phase, Reader, Role, State, Status, TrajectoryHeader, Transition, flags,
+};
+pub use reports::{ReportReader, Reporter};
+pub use trajectories::{Counts, Drained, SourceCounts, TrajectoryReceiver, TrajectorySender};
+
+/// Why a channel could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum WireError {
+    /// The run's folder of channels could not be made or read.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or folder.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// No run of this id is alive.
+    #[error("no run '{0}' is alive on this machine; see `formica doctor`")]
+    NoSuchRun(String),
+    /// Another version of formica hosts the run.
+    #[error("the run speaks channel layout {theirs}, this program {ours}; use one version for both")]
+    Layout {
+        /// Layout of the run.
+        theirs: u32,
+        /// Layout of this program.
+        ours: u32,
+    },
+    /// A service or port could not be made.
+    #[error("channel '{service}': cannot {action}: {reason}")]
+    Service {
+        /// The service.
+        service: String,
+        /// What was tried.
+        action: &'static str,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+    /// A required reader did not answer in time.
+    #[error("{reader} did not answer actor {actor} within {seconds:.0} s")]
+    NoAnswer {
+        /// The reader.
+        reader: &'static str,
+        /// The actor.
+        actor: u32,
+        /// The deadline.
+        seconds: f64,
+    },
+    /// A message longer than the run's limits allow.
+    #[error("{what} of {got} values is beyond the run's limit of {limit}")]
+    TooLong {
+        /// What was to be sent.
+        what: &'static str,
+        /// Its length.
+        got: usize,
+        /// The limit.
+        limit: usize,
+    },
+}

@@ -1,0 +1,466 @@
+//! A process's place on a run's channels: its iceoryx2 node, the services and their limits.
+
+use std::fmt::Debug;
+use std::fs;
+use std::time::{Duration, Instant};
+
+use iceoryx2::config::Config;
+use iceoryx2::node::CleanupState;
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use crate::domain::RunDomain;
+use crate::records::{
+    Acknowledgement, AcknowledgementHeader, Directive, EpisodeResult, LAYOUT, Metric,
+    Module, Reader, SnapshotHeader, Status, TrajectoryHeader, Transition,
+};
+use crate::WireError;
+
+pub(crate) type Ipc = ipc::Service;
+pub(crate) type Topic<T, H> = PortFactory<Ipc, [T], H>;
+
+/// Sizes that a run's services are made with.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Limits {
+    /// Actors at a time, attached ones included.
+    pub max_actors: usize,
+    /// Trajectories that an actor may have unacknowledged.
+    pub window: usize,
+    /// Transitions of a trajectory, its final row included.
+    pub trajectory_steps: usize,
+    /// Values of each module's weights, in the order of [`Module::ALL`]; 0 for none.
+    pub weights: [usize; 4],
+    /// Bytes of a graph.
+    pub graph_bytes: usize,
+    /// Readers that must have every trajectory.
+    pub readers: Vec<Reader>,
+}
+
+/// Places kept free beyond the processes that are planned: dead ones not yet swept, tools.
+const SPARE: usize = 4;
+/// A trajectory buffer's places beyond the window: hello, bye.
+const BUFFER_SPARE: usize = 4;
+/// Loaned, and held by readers, at a time.
+const HELD: usize = 2;
+const REPORT_BUFFER: usize = 256;
+
+pub(crate) struct Qos {
+    publishers: usize,
+    subscribers: usize,
+    buffer: usize,
+    history: usize,
+    overflow: bool,
+}
+
+impl Limits {
+    fn processes(&self) -> usize {
+        self.max_actors + 3 + SPARE
+    }
+
+    pub(crate) fn trajectory_qos(&self) -> Qos {
+        Qos {
+            publishers: self.max_actors + SPARE,
+            subscribers: 2 + SPARE,
+            buffer: self.window + BUFFER_SPARE,
+            history: 0,
+            overflow: false,
+        }
+    }
+
+    fn latest_qos(&self) -> Qos {
+        Qos {
+            publishers: 2,
+            subscribers: self.processes(),
+            buffer: 1,
+            history: 1,
+            overflow: true,
+        }
+    }
+
+    fn report_qos(&self) -> Qos {
+        Qos {
+            publishers: self.processes(),
+            subscribers: 2,
+            buffer: REPORT_BUFFER,
+            history: 0,
+            overflow: true,
+        }
+    }
+
+    /// Shared memory that the run can come to use, every place taken (bytes).
+    #[must_use]
+    pub fn shared_memory_bytes(&self) -> u64 {
+        let chunks = |qos: &Qos| {
+            (qos.publishers * (qos.subscribers * (qos.buffer + HELD) + qos.history + HELD)) as u64
+        };
+        // Each chunk has a header; sizes are rounded up to a power of two in the worst case.
+        let sized = |bytes: usize| (bytes as u64 + 256) * 2;
+        let trajectory = self.trajectory_steps * size_of::<Transition>();
+        let latest = self.latest_qos();
+        let snapshots: u64 = self
+            .weights
+            .iter()
+            .map(|values| values * 4)
+            .chain([self.graph_bytes, size_of::<Directive>()])
+            .map(|bytes| chunks(&latest) * sized(bytes))
+            .sum();
+        let reports: u64 =
+            [size_of::<Status>(), size_of::<Metric>(), size_of::<EpisodeResult>()]
+                .into_iter()
+                .map(|bytes| chunks(&self.report_qos()) * sized(bytes))
+                .sum();
+        chunks(&self.trajectory_qos()) * sized(trajectory) + snapshots + reports
+    }
+
+    fn to_text(&self) -> String {
+        let weights = self.weights.map(|values| values.to_string()).join(",");
+        let readers: Vec<&str> = self.readers.iter().map(|reader| reader.name()).collect();
+        format!(
+            "layout={LAYOUT}\nmax_actors={}\nwindow={}\ntrajectory_steps={}\nweights={weights}\n\
+             graph_bytes={}\nreaders={}\n",
+            self.max_actors,
+            self.window,
+            self.trajectory_steps,
+            self.graph_bytes,
+            readers.join(","),
+        )
+    }
+
+    /// Reads [`to_text`](Self::to_text)'s lines: the layout and the limits.
+    fn from_text(text: &str) -> Option<(u32, Self)> {
+        let value = |key: &str| {
+            text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='))
+        };
+        let number = |key: &str| value(key)?.parse().ok();
+        let layout = value("layout")?.parse().ok()?;
+        let mut weights = [0; 4];
+        for (slot, text) in weights.iter_mut().zip(value("weights")?.split(',')) {
+            *slot = text.parse().ok()?;
+        }
+        let named = |name: &str| Reader::ALL.into_iter().find(|reader| reader.name() == name);
+        let limits = Self {
+            max_actors: number("max_actors")?,
+            window: number("window")?,
+            trajectory_steps: number("trajectory_steps")?,
+            weights,
+            graph_bytes: number("graph_bytes")?,
+            readers: value("readers")?.split(',').filter_map(named).collect(),
+        };
+        Some((layout, limits))
+    }
+}
+
+/// Shared memory that is free on this machine (bytes).
+///
+/// # Errors
+/// What the system says of /dev/shm.
+pub fn shared_memory_available() -> std::io::Result<u64> {
+    let folder = rustix::fs::statvfs("/dev/shm")?;
+    Ok(folder.f_bavail * folder.f_frsize)
+}
+
+/// Events that wake a process which waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Waker {
+    /// Wakes learner and graph-builder: trajectories, weights or a graph are there.
+    Readers,
+    /// Wakes actors: acknowledgements or a directive are there.
+    Actors,
+}
+
+impl Waker {
+    fn service(self) -> &'static str {
+        match self {
+            Self::Readers => "wake-readers",
+            Self::Actors => "wake-actors",
+        }
+    }
+}
+
+/// A process's place on the channels.
+pub struct Bus {
+    node: Node<Ipc>,
+    limits: Limits,
+    /// The launcher makes the services and holds them; roles open them.
+    held: Vec<Box<dyn std::any::Any>>,
+    host: bool,
+}
+
+fn failed(service: &str, action: &'static str) -> impl Fn(String) -> WireError {
+    move |reason| WireError::Service { service: service.to_owned(), action, reason }
+}
+
+/// How long a service may be in the middle of being made or cleaned up.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Tries until it works, for states that pass: a dead neighbour is being cleaned up just now, or
+/// still holds the place that is asked for.
+fn patiently<T, E: Debug>(
+    node: &Node<Ipc>,
+    mut attempt: impl FnMut() -> Result<T, E>,
+) -> Result<T, String> {
+    let start = Instant::now();
+    loop {
+        match attempt() {
+            Ok(value) => return Ok(value),
+            Err(error) if start.elapsed() > PATIENCE => return Err(format!("{error:?}")),
+            Err(_) => {
+                let _ = node.blocking_cleanup_dead_nodes(Duration::from_millis(200));
+                let _ = node.wait(Duration::from_millis(20));
+            }
+        }
+    }
+}
+
+impl Bus {
+    /// The launcher's place: makes every service of the run and holds it.
+    ///
+    /// # Errors
+    /// What the file system or iceoryx2 refuses.
+    pub fn host(domain: &RunDomain, limits: &Limits) -> Result<Self, WireError> {
+        let path = domain.root().join("limits");
+        fs::write(&path, limits.to_text())
+            .map_err(|source| WireError::Io { path: path.display().to_string(), source })?;
+        let mut bus = Self::join_as(domain, "launcher", limits.clone(), true)?;
+        bus.held = bus.all()?;
+        Ok(bus)
+    }
+
+    /// A role's place: opens what the launcher made.
+    ///
+    /// # Errors
+    /// Another layout, limits that cannot be read, what iceoryx2 refuses.
+    pub fn join(domain: &RunDomain, name: &str) -> Result<Self, WireError> {
+        let path = domain.root().join("limits");
+        let text = fs::read_to_string(&path)
+            .map_err(|source| WireError::Io { path: path.display().to_string(), source })?;
+        let (theirs, limits) =
+            Limits::from_text(&text).ok_or(WireError::Layout { theirs: 0, ours: LAYOUT })?;
+        if theirs != LAYOUT {
+            return Err(WireError::Layout { theirs, ours: LAYOUT });
+        }
+        Self::join_as(domain, name, limits, false)
+    }
+
+    fn join_as(
+        domain: &RunDomain,
+        name: &str,
+        limits: Limits,
+        host: bool,
+    ) -> Result<Self, WireError> {
+        set_log_level_from_env_or(LogLevel::Error);
+        let failed = failed(name, "join the run");
+        let mut config = Config::default();
+        let root = format!("{}/", domain.root().display());
+        let root = Path::new(root.as_bytes()).map_err(|e| failed(format!("{e:?}")))?;
+        config.global.set_root_path(&root);
+        config.global.prefix = FileName::new(domain.prefix().as_bytes())
+            .map_err(|e| failed(format!("{e:?}")))?;
+        config.global.creation_timeout = PATIENCE;
+        let name = NodeName::new(name).map_err(|e| failed(format!("{e:?}")))?;
+        let node = NodeBuilder::new()
+            .name(&name)
+            .config(&config)
+            // Signals are the program's own business.
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Ipc>()
+            .map_err(|e| failed(format!("{e:?}")))?;
+        Ok(Self { node, limits, held: vec![], host })
+    }
+
+    /// The run's limits.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// Takes back what dead processes held. Whether there was any.
+    pub fn sweep(&self) -> bool {
+        let CleanupState { cleanups, .. } =
+            self.node.blocking_cleanup_dead_nodes(Duration::from_millis(500));
+        cleanups > 0
+    }
+
+    fn all(&self) -> Result<Vec<Box<dyn std::any::Any>>, WireError> {
+        let mut held: Vec<Box<dyn std::any::Any>> = vec![
+            Box::new(self.trajectories()?),
+            Box::new(self.acknowledgements()?),
+            Box::new(self.graph()?),
+            Box::new(self.directive()?),
+            Box::new(self.report::<Status>("status")?),
+            Box::new(self.report::<Metric>("metrics")?),
+            Box::new(self.report::<EpisodeResult>("results")?),
+            Box::new(self.event(Waker::Readers)?),
+            Box::new(self.event(Waker::Actors)?),
+        ];
+        for module in Module::ALL {
+            held.push(Box::new(self.weights(module)?));
+        }
+        Ok(held)
+    }
+
+    fn topic<T, H>(&self, name: &str, qos: &Qos) -> Result<Topic<T, H>, WireError>
+    where
+        T: Debug + ZeroCopySend + 'static,
+        H: Debug + ZeroCopySend + 'static,
+    {
+        let service = |reason| failed(name, "be opened")(reason);
+        let label = ServiceName::new(name).map_err(|e| service(format!("{e:?}")))?;
+        patiently(&self.node, || {
+            let builder = self
+                .node
+                .service_builder(&label)
+                .publish_subscribe::<[T]>()
+                .user_header::<H>()
+                .max_publishers(qos.publishers)
+                .max_subscribers(qos.subscribers)
+                .max_nodes(self.limits.processes() + SPARE)
+                .history_size(qos.history)
+                .subscriber_max_buffer_size(qos.buffer)
+                .subscriber_max_borrowed_samples(HELD)
+                .enable_safe_overflow(qos.overflow);
+            if self.host {
+                builder.open_or_create().map_err(|e| format!("{e:?}"))
+            } else {
+                builder.open().map_err(|e| format!("{e:?}"))
+            }
+        })
+        .map_err(service)
+    }
+
+    pub(crate) fn trajectories(&self) -> Result<Topic<Transition, TrajectoryHeader>, WireError> {
+        self.topic("trajectories", &self.limits.trajectory_qos())
+    }
+
+    pub(crate) fn acknowledgements(
+        &self,
+    ) -> Result<Topic<Acknowledgement, AcknowledgementHeader>, WireError> {
+        // One latest table of each reader: a place in the buffer for both.
+        let qos = Qos { publishers: 2 + SPARE, buffer: 4, ..self.limits.latest_qos() };
+        self.topic("acknowledgements", &qos)
+    }
+
+    pub(crate) fn weights(&self, module: Module) -> Result<Topic<f32, SnapshotHeader>, WireError> {
+        self.topic(module.service(), &self.limits.latest_qos())
+    }
+
+    pub(crate) fn graph(&self) -> Result<Topic<u8, SnapshotHeader>, WireError> {
+        self.topic("graph", &self.limits.latest_qos())
+    }
+
+    pub(crate) fn directive(&self) -> Result<Topic<Directive, SnapshotHeader>, WireError> {
+        self.topic("directive", &self.limits.latest_qos())
+    }
+
+    pub(crate) fn report<T>(&self, name: &str) -> Result<Topic<T, SnapshotHeader>, WireError>
+    where
+        T: Debug + ZeroCopySend + 'static,
+    {
+        self.topic(name, &self.limits.report_qos())
+    }
+
+    fn event(&self, waker: Waker) -> Result<EventFactory<Ipc>, WireError> {
+        let name = waker.service();
+        let service = |reason| failed(name, "be opened")(reason);
+        let label = ServiceName::new(name).map_err(|e| service(format!("{e:?}")))?;
+        let places = 2 * self.limits.processes();
+        patiently(&self.node, || {
+            let builder = self
+                .node
+                .service_builder(&label)
+                .event()
+                .max_notifiers(places)
+                .max_listeners(places)
+                .max_nodes(places)
+                .event_id_max_value(15);
+            if self.host {
+                builder.open_or_create().map_err(|e| format!("{e:?}"))
+            } else {
+                builder.open().map_err(|e| format!("{e:?}"))
+            }
+        })
+        .map_err(service)
+    }
+
+    pub(crate) fn notifier(&self, waker: Waker) -> Result<Notifier<Ipc>, WireError> {
+        let factory = self.event(waker)?;
+        let failed = failed(waker.service(), "get a notifier");
+        patiently(&self.node, || factory.notifier_builder().create()).map_err(failed)
+    }
+
+    pub(crate) fn listener(&self, waker: Waker) -> Result<Listener<Ipc>, WireError> {
+        let factory = self.event(waker)?;
+        let failed = failed(waker.service(), "get a listener");
+        patiently(&self.node, || factory.listener_builder().create()).map_err(failed)
+    }
+
+    /// Makes a port, patiently: a dead process may still hold its place.
+    pub(crate) fn port<T, E: Debug>(
+        &self,
+        name: &str,
+        action: &'static str,
+        make: impl FnMut() -> Result<T, E>,
+    ) -> Result<T, WireError> {
+        patiently(&self.node, make).map_err(failed(name, action))
+    }
+}
+
+/// Sleeps until the listener is woken, at most for `timeout`.
+pub(crate) fn sleep(listener: &Listener<Ipc>, timeout: Duration) {
+    let _ = listener.timed_wait(|_| {}, timeout);
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    pub(crate) fn limits() -> Limits {
+        Limits {
+            max_actors: 4,
+            window: 4,
+            trajectory_steps: 65,
+            weights: [100, 0, 0, 50],
+            graph_bytes: 1000,
+            readers: vec![Reader::Learner],
+        }
+    }
+
+    #[test]
+    fn limits_travel_as_text() {
+        let mut limits = limits();
+        limits.readers = Reader::ALL.to_vec();
+        assert_eq!(Limits::from_text(&limits.to_text()), Some((LAYOUT, limits)));
+        assert_eq!(Limits::from_text("layout=1\nwindow=x"), None);
+    }
+
+    #[test]
+    fn another_layout_is_refused_by_name() {
+        let domain = RunDomain::create().unwrap();
+        let _host = Bus::host(&domain, &limits()).unwrap();
+        let path = domain.root().join("limits");
+        let text = fs::read_to_string(&path).unwrap();
+        fs::write(&path, text.replace("layout=1", "layout=7")).unwrap();
+        let error = Bus::join(&domain, "actor-0").err().unwrap();
+        assert!(matches!(error, WireError::Layout { theirs: 7, ours: LAYOUT }), "{error}");
+        domain.remove();
+    }
+
+    #[test]
+    fn nothing_is_left_after_removal() {
+        let domain = RunDomain::create().unwrap();
+        let prefix = domain.prefix();
+        let host = Bus::host(&domain, &limits()).unwrap();
+        drop(host);
+        domain.remove();
+        let left: Vec<_> = fs::read_dir("/dev/shm")
+            .unwrap()
+            .flatten()
+            .map(|entry| entry.file_name().into_string().unwrap())
+            .filter(|name| name.contains(&prefix))
+            .collect();
+        assert_eq!(left, Vec::<String>::new());
+    }
+}
