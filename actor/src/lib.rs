@@ -4,6 +4,9 @@
 //! it acts with the newest weights it has, and waits only when its window of unacknowledged
 //! trajectories is full.
 
+pub mod collect;
+pub mod ceiling;
+pub const TRAJECTORY_STEPS: usize = 129;
 mod walk;
 
 use std::path::PathBuf;

@@ -8,7 +8,7 @@
 //! | `walker.rs` | PPO of a walking policy, which makes the offline data | - |
 //! | `ppo.rs` | what the two PPO agents share: advantages, surrogate, epochs | - |
 
-pub mod high;
+//pub mod high;
 pub mod low;
 pub mod ppo;
 pub mod vae;

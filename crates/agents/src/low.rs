@@ -327,7 +327,8 @@ impl Low {
             &mut s.gradient[..self.weights.len()],
             None,
         );
-        self.policy_adam.step(&mut self.weights, &s.gradient[..self.weights.len()]);
+        let own = self.weights.len();
+        self.policy_adam.step(&mut self.weights, &s.gradient[..own]);
         s.gradient.truncate(self.values[0].len());
     }
 }

@@ -1,1 +1,195 @@
-//! The latent graph: k-means, edges, statistics, shortest paths.
+//! The latent graph: nodes are centroids of latents, edges are segments seen in the data.
+//!
+//! LG-H-PPO (Han 2026), section on graph construction. The crate knows no processes; its only
+//! I/O is the graph's file.
+
+mod bytes;
+mod components;
+pub mod kmeans;
+mod paths;
+mod segments;
+mod states;
+
+pub use bytes::{GraphError, max_bytes};
+pub use segments::{EdgeRule, Segments, build};
+pub use states::{StateRule, select};
+
+/// Out-edges of a node are at most this many; the rarest go first.
+pub const MAX_OUT_DEGREE: usize = 48;
+
+/// A directed edge and what is known of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// The node it leads to.
+    pub to: u32,
+    /// Segments of the data that made it.
+    pub count: u32,
+    /// Mean control steps from leaving the one node to entering the other.
+    pub mean_steps: f32,
+    /// Rollouts that tried it.
+    pub tried: u32,
+    /// Rollouts that got to its end.
+    pub reached: u32,
+}
+
+/// Successes that an untried edge is credited with: as many tries count as having worked.
+const PRIOR: f32 = 4.0;
+
+/// Nodes with latents and places, and directed edges in rows by their origin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Graph {
+    /// Counts the graph's versions from 1.
+    pub version: u64,
+    /// Width of a latent.
+    pub latent_dim: usize,
+    /// Latents `[nodes, latent_dim]`.
+    pub latents: Vec<f32>,
+    /// Mean place of each node's states (m).
+    pub places: Vec<[f32; 2]>,
+    /// Edges of node `i` are `edges[offsets[i]..offsets[i + 1]]`.
+    pub offsets: Vec<u32>,
+    /// All edges.
+    pub edges: Vec<Edge>,
+}
+
+impl Graph {
+    /// Number of nodes.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there is no node.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// A node's latent; an empty slice for a node that is not there.
+    #[must_use]
+    pub fn latent(&self, node: u32) -> &[f32] {
+        let start = node as usize * self.latent_dim;
+        self.latents.get(start..start + self.latent_dim).unwrap_or_default()
+    }
+
+    fn row(&self, node: u32) -> std::ops::Range<usize> {
+        match (self.offsets.get(node as usize), self.offsets.get(node as usize + 1)) {
+            (Some(start), Some(end)) => *start as usize..*end as usize,
+            _ => 0..0,
+        }
+    }
+
+    /// A node's out-edges.
+    #[must_use]
+    pub fn neighbours(&self, node: u32) -> &[Edge] {
+        &self.edges[self.row(node)]
+    }
+
+    /// The edge between two nodes.
+    #[must_use]
+    pub fn edge(&self, from: u32, to: u32) -> Option<&Edge> {
+        self.neighbours(from).iter().find(|edge| edge.to == to)
+    }
+
+    /// Books a rollout's try of an edge; false for an edge that is not there.
+    pub fn record(&mut self, from: u32, to: u32, reached: bool) -> bool {
+        let row = self.row(from);
+        match self.edges[row].iter_mut().find(|edge| edge.to == to) {
+            Some(edge) => {
+                edge.tried = edge.tried.saturating_add(1);
+                edge.reached = edge.reached.saturating_add(u32::from(reached));
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// How likely an edge leads where it should: the mean of a Beta posterior whose prior counts
+    /// four successes, so that an untried edge is trusted and two failures already tell.
+    #[must_use]
+    pub fn reliability(&self, edge: &Edge) -> f32 {
+        (edge.reached as f32 + PRIOR) / (edge.tried as f32 + PRIOR)
+    }
+
+    /// Mean control steps of all edges.
+    #[must_use]
+    pub fn mean_edge_steps(&self) -> f32 {
+        let sum: f32 = self.edges.iter().map(|edge| edge.mean_steps).sum();
+        sum / self.edges.len().max(1) as f32
+    }
+
+    /// The node whose latent is nearest.
+    #[must_use]
+    pub fn nearest(&self, latent: &[f32]) -> Option<u32> {
+        (latent.len() == self.latent_dim && !self.is_empty())
+            .then(|| kmeans::nearest(&self.latents, self.latent_dim, latent).0)
+    }
+
+    /// Share of places that have a node within `radius` (m).
+    #[must_use]
+    pub fn coverage(&self, places: &[[f32; 2]], radius: f32) -> f32 {
+        let near = |place: &[f32; 2]| {
+            self.places.iter().any(|node| (node[0] - place[0]).hypot(node[1] - place[1]) <= radius)
+        };
+        places.iter().filter(|place| near(place)).count() as f32 / places.len().max(1) as f32
+    }
+
+    /// Edges whose straight line crosses a wall, looked at every 0.25 m.
+    pub fn edges_through_walls(&self, is_wall: impl Fn([f32; 2]) -> bool) -> usize {
+        let crosses = |from: [f32; 2], to: [f32; 2]| {
+            let steps = ((to[0] - from[0]).hypot(to[1] - from[1]) / 0.25).ceil() as usize;
+            (0..=steps).any(|i| {
+                let share = i as f32 / steps.max(1) as f32;
+                is_wall([0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis])))
+            })
+        };
+        (0..self.len() as u32)
+            .flat_map(|node| self.neighbours(node).iter().map(move |edge| (node, edge.to)))
+            .filter(|&(from, to)| crosses(self.places[from as usize], self.places[to as usize]))
+            .count()
+    }
+
+    /// Assembles rows of edges; the most frequent [`MAX_OUT_DEGREE`] of each node stay.
+    fn assemble(
+        latent_dim: usize,
+        latents: Vec<f32>,
+        places: Vec<[f32; 2]>,
+        mut rows: Vec<Vec<Edge>>,
+    ) -> Self {
+        let mut offsets = vec![0];
+        let mut edges = vec![];
+        for row in &mut rows {
+            row.sort_by_key(|edge| (std::cmp::Reverse(edge.count), edge.to));
+            row.truncate(MAX_OUT_DEGREE);
+            row.sort_by_key(|edge| edge.to);
+            edges.extend_from_slice(row);
+            offsets.push(edges.len() as u32);
+        }
+        Self { version: 1, latent_dim, latents, places, offsets, edges }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reliability_starts_at_one_and_falls_with_failures() {
+        let mut graph = paths::tests::ring(4);
+        let trust = |graph: &Graph| graph.reliability(graph.edge(0, 1).unwrap());
+        assert_eq!(trust(&graph), 1.0);
+        assert!(graph.record(0, 1, false) && graph.record(0, 1, false));
+        assert!((trust(&graph) - 4.0 / 6.0).abs() < 1e-6);
+        assert!(!graph.record(0, 3, true));
+    }
+
+    #[test]
+    fn lines_through_walls_are_counted() {
+        let mut graph = paths::tests::ring(4);
+        graph.places = vec![[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
+        // A wall in the middle of the first edge's line.
+        let wall = |p: [f32; 2]| (p[0] - 2.0).abs() < 0.5 && p[1] < 1.0;
+        assert_eq!(graph.edges_through_walls(wall), 1);
+        assert_eq!(graph.coverage(&[[0.1, 0.0], [2.0, 2.0]], 0.5), 0.5);
+    }
+}
