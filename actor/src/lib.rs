@@ -4,10 +4,11 @@
 //! it acts with the newest weights it has, and waits only when its window of unacknowledged
 //! trajectories is full.
 
-pub mod collect;
 pub mod ceiling;
-pub const TRAJECTORY_STEPS: usize = 129;
+pub mod collect;
+mod navigate;
 mod walk;
+mod walker;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,6 +18,9 @@ use anyhow::Context;
 use config::{Config, Kind};
 use maze::Layout;
 use wire::{Bus, RunDomain};
+
+/// Rows of a trajectory of the hierarchy, its final row included.
+pub const TRAJECTORY_STEPS: usize = navigate::TRAJECTORY_STEPS;
 
 /// What every role is told.
 #[derive(Debug, Clone, clap::Args)]
@@ -44,7 +48,9 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     let stopped = || stop.load(Ordering::Relaxed);
     match config.run.kind {
         Kind::Walker => walk::run(&config, &layout, &bus, args.id, &stopped),
-        Kind::Offline => anyhow::bail!("not yet"),
+        Kind::Offline => {
+            navigate::run(&config, &layout, &args.folder, &bus, args.id, &stopped)
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use agents::{low, vae, walker};
+use agents::{high, low, vae, walker};
 use config::{Config, Fault, Faults, Kind};
 use wire::{Limits, Reader};
 
@@ -47,7 +47,7 @@ pub(crate) fn limits(config: &Config) -> Limits {
         [
             vae::Shape::new(dz, &config.encoder.hidden).weights(),
             low::Policy::new(dz, &config.low.hidden).mlp().parameters(),
-            0,
+            high::Policy::new(dz, nodes, &config.high.hidden).mlp().parameters(),
             0,
         ]
     } else {
@@ -58,7 +58,7 @@ pub(crate) fn limits(config: &Config) -> Limits {
         window: config.topology.window,
         trajectory_steps: if offline { actor::TRAJECTORY_STEPS } else { config.walker.segment + 1 },
         weights,
-        graph_bytes: if offline { 0 } else { 0 },
+        graph_bytes: if offline { graph::max_bytes(nodes, dz) } else { 0 },
         readers: if offline { Reader::ALL.to_vec() } else { vec![Reader::Learner] },
     }
 }

@@ -1,5 +1,14 @@
 //! The learner: data set and rollouts in, weights and checkpoints out.
+//!
+//! Channels are the main thread's alone; it never computes for long, so that trajectories are
+//! acknowledged and late joiners served at once. Each network is trained on a thread of its own
+//! and reports over an in-process channel.
 
+mod encoder;
+mod high;
+mod low;
+mod offline;
+mod save;
 mod walk;
 
 use std::path::PathBuf;
@@ -29,9 +38,10 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     let config = Config::load(&args.folder.join("config.toml"), &[])?;
     let domain = RunDomain::open(&args.domain)?;
     let bus = Bus::join(&domain, "learner")?;
-    let stopped = || stop.load(Ordering::Relaxed);
     match config.run.kind {
-        Kind::Walker => walk::run(&config, &args.folder, &bus, &stopped),
-        Kind::Offline => anyhow::bail!("not yet"),
+        Kind::Walker => {
+            walk::run(&config, &args.folder, &bus, &|| stop.load(Ordering::Relaxed))
+        }
+        Kind::Offline => offline::run(&config, &args.folder, &bus, stop),
     }
 }

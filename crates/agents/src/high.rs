@@ -6,7 +6,7 @@
 //! rollouts in the physics.
 
 use graph::Graph;
-use nets::categorical::{self, Masked};
+use nets::categorical::Masked;
 use nets::{Activation, Adam, Mlp, Workspace, clip_global_norm};
 use rand::{Rng, RngExt};
 

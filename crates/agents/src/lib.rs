@@ -5,11 +5,13 @@
 //! | `vae.rs` | latent encoder | 1 |
 //! | `low.rs` | goal-conditioned advantage-weighted regression | 3a |
 //! | `high.rs` | PPO with masked logits on the latent graph | 3b |
+//! | `navigator.rs` | both levels at work | execution |
 //! | `walker.rs` | PPO of a walking policy, which makes the offline data | - |
 //! | `ppo.rs` | what the two PPO agents share: advantages, surrogate, epochs | - |
 
-//pub mod high;
+pub mod high;
 pub mod low;
+pub mod navigator;
 pub mod ppo;
 pub mod vae;
 pub mod walker;

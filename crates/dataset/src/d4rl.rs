@@ -65,12 +65,18 @@ impl Reader<'_> {
 /// # Errors
 /// Anything that is wrong with the file, by key and row.
 pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
-    SystemFile::open(path)
-        .map_err(|source| DatasetError::Io { path: path.to_path_buf(), source })?;
+    let length = SystemFile::open(path)
+        .and_then(|file| file.metadata())
+        .map_err(|source| DatasetError::Io { path: path.to_path_buf(), source })?
+        .len();
     let format =
         |reason: String| DatasetError::Format { path: path.to_path_buf(), reason };
     let file = File::open(path)
         .map_err(|error| format(format!("not an HDF5 file that can be read: {error}")))?;
+    let whole = file.superblock().eof_address;
+    if length < whole {
+        return Err(format(format!("cut off: {length} of {whole} bytes are there")));
+    }
     let reader = Reader { path, file };
     let observations = reader.values("observations", None, OBSERVATION)?;
     let n = observations.len() / OBSERVATION;

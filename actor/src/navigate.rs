@@ -1,0 +1,495 @@
+//! Rollouts of the hierarchy: while training, between random places with sampled subgoals; in
+//! evaluation, the paper's protocol.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use agents::navigator::{Choosing, Decision, Navigator, Settings};
+use agents::{high, low, vae};
+use config::Config;
+use graph::Graph;
+use maze::{
+    AntMaze, FALLEN, Layout, Observation, Physics, Style, Task, WALL_HEIGHT, evaluation_task,
+    random_task, upright,
+};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+use trace::{EpisodeWriter, Scene, StepMessage, StepRecord};
+use wire::{
+    Bus, Directive, DirectiveSubscriber, EpisodeResult, GraphSubscriber, Module, Phase, Reporter,
+    Role, State, Status, TrajectoryHeader, TrajectorySender, Transition, Weights,
+    WeightsSubscriber, flags,
+};
+
+/// Rows of a trajectory, its final row included.
+pub(crate) const TRAJECTORY_STEPS: usize = 129;
+
+/// The newest of everything that an actor acts with.
+struct Inbox {
+    encoder: WeightsSubscriber,
+    low: WeightsSubscriber,
+    high: WeightsSubscriber,
+    graph: GraphSubscriber,
+    newest_encoder: Option<Weights>,
+    newest_low: Option<Weights>,
+    newest_high: Option<Weights>,
+    newest_graph: Option<Graph>,
+}
+
+impl Inbox {
+    fn new(bus: &Bus) -> anyhow::Result<Self> {
+        Ok(Self {
+            encoder: WeightsSubscriber::new(bus, Module::Encoder)?,
+            low: WeightsSubscriber::new(bus, Module::Low)?,
+            high: WeightsSubscriber::new(bus, Module::High)?,
+            graph: GraphSubscriber::new(bus)?,
+            newest_encoder: None,
+            newest_low: None,
+            newest_high: None,
+            newest_graph: None,
+        })
+    }
+
+    /// Looks for news; whether there was any.
+    fn look(&mut self) -> bool {
+        let mut news = false;
+        for (subscriber, newest) in [
+            (&self.encoder, &mut self.newest_encoder),
+            (&self.low, &mut self.newest_low),
+            (&self.high, &mut self.newest_high),
+        ] {
+            if let Some(weights) = subscriber.latest() {
+                *newest = Some(weights);
+                news = true;
+            }
+        }
+        if let Some((_, bytes)) = self.graph.latest() {
+            match Graph::from_bytes(&bytes) {
+                Ok(graph) => {
+                    self.newest_graph = Some(graph);
+                    news = true;
+                }
+                Err(error) => eprintln!("actor: a graph was refused: {error}"),
+            }
+        }
+        news
+    }
+
+    /// Versions of low, high and graph.
+    fn versions(&self) -> [u64; 3] {
+        let version = |weights: &Option<Weights>| weights.as_ref().map_or(0, |w| w.version);
+        let graph = self.newest_graph.as_ref().map_or(0, |graph| graph.version);
+        [version(&self.newest_low), version(&self.newest_high), graph]
+    }
+
+    /// A navigator of the newest parts, once all are there and fit.
+    fn navigator(&self, config: &Config) -> Option<Navigator> {
+        let (encoder, low_weights, high_weights, graph) = (
+            self.newest_encoder.as_ref()?,
+            self.newest_low.as_ref()?,
+            self.newest_high.as_ref()?,
+            self.newest_graph.as_ref()?,
+        );
+        let e = &config.execution;
+        let settings = Settings {
+            reached_radius: e.reached_radius as f32,
+            goal_radius: e.goal_radius as f32,
+            look_ahead: e.look_ahead,
+            timeout_factor: e.timeout_factor as f32,
+            max_edge_steps: e.max_edge_steps,
+        };
+        let latent = config.encoder.latent;
+        let shape = vae::Shape::new(latent, &config.encoder.hidden);
+        let encoder = vae::Encoder::new(shape, &encoder.values)?;
+        let low_policy = low::Policy::new(latent, &config.low.hidden);
+        let high_policy = high::Policy::new(latent, graph.len(), &config.high.hidden);
+        Navigator::new(
+            settings,
+            encoder,
+            graph.clone(),
+            (low_policy, low_weights.values.clone()),
+            (high_policy, high_weights.values.clone()),
+        )
+    }
+}
+
+struct Actor<'a> {
+    config: &'a Config,
+    layout: &'a Layout,
+    folder: &'a Path,
+    id: u32,
+    ant: AntMaze,
+    inbox: Inbox,
+    navigator: Option<Navigator>,
+    sender: TrajectorySender,
+    directives: DirectiveSubscriber,
+    reporter: Reporter,
+    status: Status,
+    pulse: Instant,
+    record: Vec<Transition>,
+    episode: u64,
+    /// Whether a trace of a failure and of a success has been kept.
+    kept: [bool; 2],
+    stopped: &'a dyn Fn() -> bool,
+}
+
+/// How an episode ended.
+struct Ended {
+    success: bool,
+    fell: bool,
+    steps: usize,
+    nearest: f32,
+    edges: [u32; 2],
+    /// Broken off, since the phase changed or the process shall stop.
+    broken: bool,
+}
+
+pub(crate) fn run(
+    config: &Config,
+    layout: &Layout,
+    folder: &Path,
+    bus: &Bus,
+    id: u32,
+    stopped: &dyn Fn() -> bool,
+) -> anyhow::Result<()> {
+    let reporter = Reporter::new(bus)?;
+    let status = Status { role: Role::Actor as u32, id, ..Status::default() };
+    reporter.status(&status);
+    let mut actor = Actor {
+        config,
+        layout,
+        folder,
+        id,
+        ant: AntMaze::new(layout, Physics::MAZE),
+        inbox: Inbox::new(bus)?,
+        navigator: None,
+        sender: TrajectorySender::connect(bus, id, Duration::from_secs(120))?,
+        directives: DirectiveSubscriber::new(bus)?,
+        reporter,
+        status,
+        pulse: Instant::now(),
+        record: Vec::with_capacity(TRAJECTORY_STEPS),
+        episode: 0,
+        kept: [false; 2],
+        stopped,
+    };
+    actor.work()?;
+    let drained = actor.sender.drain(Duration::from_secs(3));
+    actor.status.sent = drained.transitions;
+    actor.status.state = State::Finished as u32;
+    actor.reporter.status(&actor.status);
+    if !stopped() {
+        anyhow::ensure!(drained.acknowledged, "not all trajectories were acknowledged");
+    }
+    Ok(())
+}
+
+impl Actor<'_> {
+    fn work(&mut self) -> anyhow::Result<()> {
+        let mut rng =
+            Pcg64Mcg::seed_from_u64((self.config.run.seed << 16) + 0x5eed + u64::from(self.id));
+        let mut unreported: Option<EpisodeResult> = None;
+        loop {
+            if (self.stopped)() {
+                return Ok(());
+            }
+            self.pulse();
+            let directive = self.directives.latest();
+            if self.inbox.look() || self.navigator.is_none() {
+                self.navigator = self.inbox.navigator(self.config);
+                self.status.versions = self.inbox.versions();
+            }
+            match directive.phase() {
+                Phase::Finish => return Ok(()),
+                Phase::Train if self.navigator.is_some() => {
+                    self.status.state = State::Working as u32;
+                    let task = random_task(self.layout, Style::Diverse, &mut rng);
+                    self.play(&task, Phase::Train, &mut rng, None)?;
+                }
+                Phase::Evaluate if self.is_current(&directive) => {
+                    self.status.state = State::Working as u32;
+                    if let Some(result) = unreported.take_if(|r| directive.is_done(r.episode)) {
+                        drop(result);
+                    } else if let Some(result) = &unreported {
+                        // Sent again until the launcher's directive shows it.
+                        self.reporter.result(result);
+                        self.sender.wait(Duration::from_millis(50));
+                        continue;
+                    }
+                    match self.next_episode(&directive) {
+                        Some(episode) => unreported = self.evaluate(episode)?,
+                        None => self.rest(),
+                    }
+                }
+                _ => self.rest(),
+            }
+        }
+    }
+
+    fn rest(&mut self) {
+        self.status.state = State::Waiting as u32;
+        self.sender.wait(Duration::from_millis(100));
+    }
+
+    fn pulse(&mut self) {
+        if self.pulse.elapsed() > Duration::from_millis(500) {
+            self.status.sent = self.sender.transitions();
+            self.reporter.status(&self.status);
+            self.pulse = Instant::now();
+        }
+    }
+
+    /// Whether the weights are those that the evaluation asks for.
+    fn is_current(&self, directive: &Directive) -> bool {
+        let [low, high, graph] = self.inbox.versions();
+        self.navigator.is_some()
+            && low >= directive.low_version
+            && high >= directive.high_version
+            && graph >= directive.graph_version
+    }
+
+    /// The next of this actor's share that is not done: every `actors`-th episode, and those of
+    /// nobody's share for actors beyond the planned ones.
+    fn next_episode(&self, directive: &Directive) -> Option<u32> {
+        let actors = self.config.topology.actors as u32;
+        (self.id..directive.episodes).step_by(actors as usize).find(|i| !directive.is_done(*i))
+    }
+
+    fn evaluate(&mut self, episode: u32) -> anyhow::Result<Option<EpisodeResult>> {
+        // Episodes are the same whichever actor runs them.
+        let seed = (self.config.run.seed << 20) + 0xe0a1 + u64::from(episode);
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let task = evaluation_task(self.layout, &mut rng);
+        let keep_all = self.config.evaluation.all_traces;
+        let path = self.folder.join("traces").join(format!("episode-{episode:04}.mcap"));
+        let mut writer = None;
+        if keep_all || self.kept != [true; 2] {
+            // A disk that is full ends the traces, not the run.
+            writer = match EpisodeWriter::create(
+                &path,
+                &self.scene(&task),
+                self.config.resolved(),
+            ) {
+                Ok(writer) => Some(writer),
+                Err(error) => {
+                    eprintln!("actor: no trace: {error}");
+                    None
+                }
+            };
+        }
+        let ended = self.play(&task, Phase::Evaluate, &mut rng, writer.as_mut())?;
+        if let Some(writer) = writer {
+            let kept = &mut self.kept[usize::from(ended.success)];
+            if ended.broken || (*kept && !keep_all) {
+                writer.discard();
+            } else {
+                let outcome = if ended.success { "success" } else { "failure" };
+                let [low, high, graph] = self.inbox.versions();
+                let metadata = BTreeMap::from(
+                    [
+                        ("episode", episode.to_string()),
+                        ("outcome", outcome.to_owned()),
+                        ("fell", ended.fell.to_string()),
+                        ("nearest_m", format!("{:.3}", ended.nearest)),
+                        ("actor", self.id.to_string()),
+                        ("seed", self.config.run.seed.to_string()),
+                        ("maze", self.config.maze.layout.clone()),
+                        ("goal", format!("{:?}", task.goal)),
+                        ("low_version", low.to_string()),
+                        ("high_version", high.to_string()),
+                        ("graph_version", graph.to_string()),
+                        ("config", self.config.hash()),
+                    ]
+                    .map(|(key, value)| (key.to_owned(), value)),
+                );
+                match writer.finish(metadata) {
+                    Ok(_) => *kept = true,
+                    Err(error) => eprintln!("actor: no trace: {error}"),
+                }
+            }
+        }
+        if ended.broken {
+            return Ok(None);
+        }
+        let result = EpisodeResult {
+            actor: self.id,
+            episode,
+            success: u32::from(ended.success),
+            fell: u32::from(ended.fell),
+            steps: ended.steps as u32,
+            nearest: ended.nearest,
+            edges: ended.edges,
+        };
+        self.reporter.result(&result);
+        Ok(Some(result))
+    }
+
+    fn scene(&self, task: &Task) -> Scene {
+        let mut scene = Scene {
+            walls: self.layout.boxes(),
+            wall_height: WALL_HEIGHT,
+            goal: task.goal,
+            goal_radius: self.config.evaluation.success_radius as f32,
+            ..Scene::default()
+        };
+        if let Some(navigator) = &self.navigator {
+            let graph = navigator.graph();
+            scene.nodes.clone_from(&graph.places);
+            for node in 0..graph.len() as u32 {
+                scene.edges.extend(graph.neighbours(node).iter().map(|edge| (node, edge.to)));
+            }
+        }
+        scene
+    }
+
+    /// Plays one episode and sends its trajectories.
+    fn play(
+        &mut self,
+        task: &Task,
+        phase: Phase,
+        rng: &mut Pcg64Mcg,
+        mut trace: Option<&mut EpisodeWriter>,
+    ) -> anyhow::Result<Ended> {
+        let choosing =
+            if phase == Phase::Train { Choosing::Sampled } else { Choosing::Greedy };
+        let radius = self.config.evaluation.success_radius as f32;
+        let limit = self.config.evaluation.max_steps;
+        self.ant.reset(task.start, rng);
+        self.episode += 1;
+        if let Some(navigator) = &mut self.navigator {
+            navigator.begin(task.goal);
+        }
+        let mut ended = Ended {
+            success: false,
+            fell: false,
+            steps: 0,
+            nearest: f32::INFINITY,
+            edges: [0; 2],
+            broken: false,
+        };
+        let mut observation = self.ant.observation();
+        for step in 0..limit {
+            let Some(navigator) = &mut self.navigator else { break };
+            let decision = navigator.decide(&observation, choosing, rng);
+            let goal_node = navigator.goal_node();
+            if let Some(writer) = &mut trace {
+                let record =
+                    self.step_record(step, &observation, &decision, task, choosing);
+                if let Err(error) = writer.step(&record) {
+                    eprintln!("actor: the trace ends here: {error}");
+                    trace = None;
+                }
+            }
+            let before = observation;
+            self.ant.step(&decision.action);
+            observation = self.ant.observation();
+            self.status.steps += 1;
+            ended.steps = step + 1;
+            let distance =
+                (task.goal[0] - observation[0]).hypot(task.goal[1] - observation[1]);
+            ended.nearest = ended.nearest.min(distance);
+            ended.success = distance <= radius;
+            ended.fell = upright(&observation) < FALLEN;
+            let mut bits = 0;
+            if let Some(outcome) = decision.outcome {
+                bits |= if outcome.reached { flags::REACHED } else { flags::FAILED };
+                ended.edges[0] += 1;
+                ended.edges[1] += u32::from(outcome.reached);
+            }
+            bits |= if decision.chosen.is_some() { flags::CHOICE } else { 0 };
+            bits |= if ended.fell { flags::FELL } else { 0 };
+            // In training a fallen ant has nothing more to teach.
+            let given_up = ended.fell && phase == Phase::Train;
+            let last = ended.success || given_up || step + 1 == limit;
+            if ended.success {
+                bits |= flags::SUCCESS | flags::TERMINAL;
+            } else if last {
+                bits |= flags::TRUNCATED;
+            }
+            self.record.push(Transition {
+                observation: before,
+                action: decision.action,
+                goal: task.goal,
+                reward: f32::from(u8::from(ended.success)),
+                log_prob: decision.chosen.map_or(0.0, |chosen| chosen.log_prob),
+                node: decision.node as i32,
+                subgoal: decision.subgoal.map_or(-1, |node| node as i32),
+                goal_node: goal_node as i32,
+                flags: bits,
+            });
+            if last || self.record.len() + 1 >= TRAJECTORY_STEPS {
+                ended.broken = !self.send(&observation, step, phase)?;
+            }
+            if last || ended.broken {
+                break;
+            }
+            self.pulse();
+        }
+        Ok(ended)
+    }
+
+    fn step_record(
+        &self,
+        step: usize,
+        observation: &Observation,
+        decision: &Decision,
+        task: &Task,
+        choosing: Choosing,
+    ) -> StepRecord {
+        let place = [observation[0], observation[1]];
+        let distance = |to: [f32; 2]| (to[0] - place[0]).hypot(to[1] - place[1]);
+        let [low_version, high_version, graph_version] = self.inbox.versions();
+        let chosen = choosing == Choosing::Greedy && decision.chosen.is_some();
+        let neighbours = self.navigator.as_ref().filter(|_| chosen);
+        let neighbours = neighbours.map_or(&[][..], |navigator| navigator.probabilities());
+        StepRecord {
+            message: StepMessage {
+                step: step as u32,
+                reward: 0.0,
+                goal_distance: distance(task.goal),
+                subgoal_distance: distance(decision.place),
+                node: decision.node as i32,
+                subgoal_node: decision.subgoal.map_or(-1, |node| node as i32),
+                low_version,
+                high_version,
+                graph_version,
+                observation: observation.to_vec(),
+                action: decision.action.to_vec(),
+                neighbours: neighbours.iter().map(|(node, _)| *node).collect(),
+                probabilities: neighbours.iter().map(|(_, p)| *p).collect(),
+            },
+            bodies: self.ant.body_poses(),
+            goal: task.goal,
+            subgoal: decision.place,
+        }
+    }
+
+    /// Sends the record so far with its final row; false when the episode is to be broken off.
+    fn send(&mut self, after: &Observation, step: usize, phase: Phase) -> anyhow::Result<bool> {
+        self.record.push(Transition {
+            observation: *after,
+            flags: flags::FINAL,
+            ..Transition::default()
+        });
+        while !self.sender.wait_credit(Duration::from_millis(200)) {
+            self.reporter.status(&self.status);
+            if (self.stopped)() || self.directives.latest().phase() == Phase::Finish {
+                self.record.clear();
+                return Ok(false);
+            }
+        }
+        let [low, high, graph] = self.inbox.versions();
+        let header = TrajectoryHeader {
+            episode: self.episode,
+            first_step: (step + 2 - self.record.len()) as u32,
+            weights_version: low.max(high),
+            graph_version: graph,
+            ..TrajectoryHeader::default()
+        };
+        let record = &self.record;
+        self.sender.send_with(header, record.len(), |row| record[row])?;
+        self.record.clear();
+        Ok(!(self.stopped)() && self.directives.latest().phase() == phase)
+    }
+}

@@ -1,0 +1,130 @@
+//! What stands still: walls, graph, goal; and the ant's shape.
+
+use foxglove::messages::{
+    Color, CubePrimitive, CylinderPrimitive, LinePrimitive, Point3, Pose, Quaternion, SceneEntity,
+    SceneUpdate, SpherePrimitive, Vector3, line_primitive,
+};
+
+/// The world around an episode.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    /// Walls: centre x, y, half width, half depth (m).
+    pub walls: Vec<[f32; 4]>,
+    /// Their height (m).
+    pub wall_height: f32,
+    /// Places of the graph's nodes (m).
+    pub nodes: Vec<[f32; 2]>,
+    /// Pairs of nodes that an edge links.
+    pub edges: Vec<(u32, u32)>,
+    /// The goal (m).
+    pub goal: [f32; 2],
+    /// Radius of success (m).
+    pub goal_radius: f32,
+}
+
+/// Names of the frames of torso and the hip and foot links of legs 1 to 4.
+pub(crate) const BODIES: [&str; 9] =
+    ["torso", "hip_1", "foot_1", "hip_2", "foot_2", "hip_3", "foot_3", "hip_4", "foot_4"];
+
+const GREY: Color = Color { r: 0.6, g: 0.6, b: 0.65, a: 1.0 };
+const BLUE: Color = Color { r: 0.2, g: 0.45, b: 0.9, a: 0.9 };
+const PALE: Color = Color { r: 0.45, g: 0.6, b: 0.8, a: 0.35 };
+const GREEN: Color = Color { r: 0.1, g: 0.75, b: 0.3, a: 0.6 };
+const BRASS: Color = Color { r: 0.8, g: 0.6, b: 0.4, a: 1.0 };
+
+pub(crate) fn pose(x: f32, y: f32, z: f32) -> Pose {
+    Pose {
+        position: Some(Vector3 { x: x.into(), y: y.into(), z: z.into() }),
+        orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+    }
+}
+
+fn size(x: f32, y: f32, z: f32) -> Option<Vector3> {
+    Some(Vector3 { x: x.into(), y: y.into(), z: z.into() })
+}
+
+impl Scene {
+    pub(crate) fn message(&self) -> SceneUpdate {
+        let h = self.wall_height;
+        let cubes = self.walls.iter().map(|[x, y, half_x, half_y]| CubePrimitive {
+            pose: Some(pose(*x, *y, h / 2.0)),
+            size: size(2.0 * half_x, 2.0 * half_y, h),
+            color: Some(GREY),
+        });
+        let nodes = self.nodes.iter().map(|[x, y]| SpherePrimitive {
+            pose: Some(pose(*x, *y, 0.05)),
+            size: size(0.25, 0.25, 0.1),
+            color: Some(BLUE),
+        });
+        let end = |node: u32| self.nodes.get(node as usize).copied().unwrap_or_default();
+        let points = self.edges.iter().flat_map(|(from, to)| {
+            [end(*from), end(*to)].map(|[x, y]| Point3 { x: x.into(), y: y.into(), z: 0.03 })
+        });
+        let lines = LinePrimitive {
+            r#type: line_primitive::Type::LineList as i32,
+            pose: Some(pose(0.0, 0.0, 0.0)),
+            thickness: 0.03,
+            points: points.collect(),
+            color: Some(PALE),
+            ..LinePrimitive::default()
+        };
+        let [x, y] = self.goal;
+        let goal = CylinderPrimitive {
+            pose: Some(pose(x, y, 0.02)),
+            size: size(2.0 * self.goal_radius, 2.0 * self.goal_radius, 0.04),
+            bottom_scale: 1.0,
+            top_scale: 1.0,
+            color: Some(GREEN),
+        };
+        let entity = |id: &str| SceneEntity {
+            frame_id: "world".to_owned(),
+            id: id.to_owned(),
+            ..SceneEntity::default()
+        };
+        SceneUpdate {
+            entities: vec![
+                SceneEntity { cubes: cubes.collect(), ..entity("walls") },
+                SceneEntity { spheres: nodes.collect(), lines: vec![lines], ..entity("graph") },
+                SceneEntity { cylinders: vec![goal], ..entity("goal") },
+            ],
+            ..SceneUpdate::default()
+        }
+    }
+}
+
+/// The ant's bodies, each locked to its frame: only /tf moves.
+pub(crate) fn ant() -> SceneUpdate {
+    let legs = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
+    let bone = |direction: [f64; 2], length: f64| LinePrimitive {
+        r#type: line_primitive::Type::LineStrip as i32,
+        pose: Some(pose(0.0, 0.0, 0.0)),
+        thickness: 0.16,
+        points: vec![
+            Point3 { x: 0.0, y: 0.0, z: 0.0 },
+            Point3 { x: length * direction[0], y: length * direction[1], z: 0.0 },
+        ],
+        color: Some(BRASS),
+        ..LinePrimitive::default()
+    };
+    let entities = BODIES.iter().enumerate().map(|(body, frame)| {
+        let mut entity = SceneEntity {
+            frame_id: (*frame).to_owned(),
+            id: (*frame).to_owned(),
+            frame_locked: true,
+            ..SceneEntity::default()
+        };
+        if body == 0 {
+            entity.spheres.push(SpherePrimitive {
+                pose: Some(pose(0.0, 0.0, 0.0)),
+                size: size(0.5, 0.5, 0.5),
+                color: Some(BRASS),
+            });
+            entity.lines.extend(legs.map(|leg| bone(leg, 0.2)));
+        } else {
+            let length = if body % 2 == 1 { 0.2 } else { 0.4 };
+            entity.lines.push(bone(legs[(body - 1) / 2], length));
+        }
+        entity
+    });
+    SceneUpdate { entities: entities.collect(), ..SceneUpdate::default() }
+}

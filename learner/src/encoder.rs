@@ -1,0 +1,87 @@
+//! Stage 1 on a thread: the latent encoder.
+
+use agents::vae::{Encoder, Settings, Vae};
+use config::Config;
+use dataset::{Dataset, Starts};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+
+use crate::offline::{News, Post};
+
+/// Updates between two reports.
+const REPORT: usize = 500;
+
+pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow::Result<()> {
+    let e = &config.encoder;
+    let settings = Settings {
+        latent: e.latent,
+        hidden: e.hidden.clone(),
+        beta: e.beta as f32,
+        prior_balance: e.prior_balance as f32,
+        null_condition: e.null_condition as f32,
+        learning_rate: e.learning_rate as f32,
+        batch: e.batch,
+    };
+    let mut rng = Pcg64Mcg::seed_from_u64(config.run.seed + 11);
+    let Some(starts) = Starts::new(&data.episodes, e.lag) else {
+        anyhow::bail!("no episode of the data set is longer than encoder.lag = {} steps", e.lag);
+    };
+    let (mean, std) = moments(data);
+    let mut vae = Vae::new(settings, mean, std, &mut rng);
+    let mut pairs = Vec::with_capacity(e.batch);
+    let (mut reconstruction, mut kl) = (0.0, 0.0);
+    for update in 1..=e.updates {
+        if post.stopped() {
+            return Ok(());
+        }
+        pairs.clear();
+        for _ in 0..e.batch {
+            let (row, _) = starts.draw(&mut rng);
+            pairs.push((data.place(row), data.place(row + e.lag)));
+        }
+        let losses = vae.update(&pairs, &mut rng);
+        reconstruction += losses.reconstruction;
+        kl += losses.kl;
+        if update % REPORT == 0 || update == e.updates {
+            let step = update as u64;
+            let n = ((update - 1) % REPORT + 1) as f32;
+            post.metric("encoder/reconstruction", step, reconstruction / n);
+            post.metric("encoder/kl_nats", step, kl / n);
+            post.progress("encoder", step, e.updates as u64);
+            (reconstruction, kl) = (0.0, 0.0);
+        }
+    }
+    // How well places come back from their own codes.
+    let shape = vae.shape().clone();
+    if let Some(mut encoder) = Encoder::new(shape, &vae.weights) {
+        let stride = (data.len() / 2000).max(1);
+        let places: Vec<[f32; 2]> =
+            (0..data.len()).step_by(stride).map(|row| data.place(row)).collect();
+        let mut latents = vec![];
+        encoder.encode(places.iter().copied(), &mut latents);
+        let error: f32 = places
+            .iter()
+            .zip(encoder.decode(&latents))
+            .map(|(place, back)| (place[0] - back[0]).hypot(place[1] - back[1]))
+            .sum();
+        let step = e.updates as u64;
+        post.metric("encoder/place_error_m", step, error / places.len().max(1) as f32);
+    }
+    post.send(News::Encoder(vae.weights));
+    Ok(())
+}
+
+/// Mean and standard deviation of the places (m).
+fn moments(data: &Dataset) -> ([f32; 2], [f32; 2]) {
+    let n = data.len().max(1) as f64;
+    let (mut sum, mut squares) = ([0.0_f64; 2], [0.0_f64; 2]);
+    for row in 0..data.len() {
+        for (axis, value) in data.place(row).into_iter().enumerate() {
+            sum[axis] += f64::from(value);
+            squares[axis] += f64::from(value) * f64::from(value);
+        }
+    }
+    let mean = sum.map(|sum| sum / n);
+    let std = [0, 1].map(|axis| (squares[axis] / n - mean[axis] * mean[axis]).max(0.0).sqrt());
+    (mean.map(|value| value as f32), std.map(|value| value as f32))
+}

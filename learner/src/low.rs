@@ -1,0 +1,118 @@
+//! Stage 3a on a thread: the low level.
+
+use agents::low::{Low, Sample, Settings, Subgoal};
+use agents::vae::{Encoder, Shape};
+use config::Config;
+use dataset::{Dataset, Starts};
+use graph::{Graph, kmeans};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use crate::offline::{News, Post};
+
+/// Updates between two reports.
+const REPORT: usize = 500;
+/// Updates between two publications.
+const PUBLISH: usize = 2500;
+/// The value's goals: the policy's subgoal, a later state, any node; the rest is the state's own
+/// place.
+const VALUE_GOALS: [f32; 3] = [0.5, 0.2, 0.2];
+
+pub(crate) fn train(
+    config: &Config,
+    data: &Dataset,
+    graph: &Graph,
+    encoder: &[f32],
+    post: &Post<'_>,
+) -> anyhow::Result<()> {
+    let l = &config.low;
+    let settings = Settings {
+        hidden: l.hidden.clone(),
+        learning_rate: l.learning_rate as f32,
+        batch: l.batch,
+        expectile: l.expectile as f32,
+        discount: l.discount as f32,
+        inverse_temperature: l.inverse_temperature as f32,
+        weight_clip: l.weight_clip as f32,
+        target_rate: l.target_rate as f32,
+    };
+    let dz = config.encoder.latent;
+    let Some(mut encoder) = Encoder::new(Shape::new(dz, &config.encoder.hidden), encoder) else {
+        anyhow::bail!("the encoder's weights do not fit its shape");
+    };
+    let mut latents = Vec::with_capacity(data.len() * dz);
+    encoder.encode((0..data.len()).map(|row| data.place(row)), &mut latents);
+    let latent = |row: usize| &latents[row * dz..(row + 1) * dz];
+    let mut nodes = vec![0_u32; data.len()];
+    let mut distances = vec![0.0; data.len()];
+    kmeans::assign(&latents, dz, &graph.latents, &mut nodes, &mut distances);
+    drop(distances);
+    let centroid = |node: u32| Subgoal {
+        place: graph.places[node as usize],
+        latent: graph.latent(node),
+    };
+
+    let mut rng = Pcg64Mcg::seed_from_u64(config.run.seed + 13);
+    let Some(starts) = Starts::new(&data.episodes, 1) else {
+        anyhow::bail!("no episode of the data set has two rows");
+    };
+    let mut low = Low::new(dz, settings, &mut rng);
+    let reach = config.graph.lag + l.slack;
+    let mut samples = Vec::with_capacity(l.batch);
+    let (mut value_loss, mut policy_loss, mut weight) = (0.0, 0.0, 0.0);
+    for update in 1..=l.updates {
+        if post.stopped() {
+            return Ok(());
+        }
+        let left = 1.0 - update as f32 / l.updates as f32;
+        low.set_learning_rate(l.learning_rate as f32 * left.max(0.1));
+        samples.clear();
+        for _ in 0..l.batch {
+            let (row, end) = starts.draw(&mut rng);
+            let later = (row + rng.random_range(1..=reach)).min(end - 1);
+            let snapped = rng.random::<f64>() < l.snap;
+            let subgoal = if snapped {
+                centroid(nodes[later])
+            } else {
+                Subgoal { place: data.place(later), latent: latent(later) }
+            };
+            let mut pick: f32 = rng.random();
+            let mut value_goal = data.place(row);
+            for (goal, share) in VALUE_GOALS.into_iter().enumerate() {
+                if (0.0..share).contains(&pick) {
+                    value_goal = match goal {
+                        0 => subgoal.place,
+                        1 => data.place((row + rng.random_range(1..=4 * reach)).min(end - 1)),
+                        _ => graph.places[rng.random_range(0..graph.len())],
+                    };
+                }
+                pick -= share;
+            }
+            samples.push(Sample {
+                observation: data.observation(row),
+                action: data.action(row),
+                next: data.observation(row + 1),
+                latent: latent(row),
+                subgoal,
+                value_goal,
+            });
+        }
+        let losses = low.update(&samples);
+        value_loss += losses.value_loss;
+        policy_loss += losses.policy_loss;
+        weight += losses.weight;
+        if update % REPORT == 0 || update == l.updates {
+            let (step, n) = (update as u64, ((update - 1) % REPORT + 1) as f32);
+            post.metric("low/value_loss", step, value_loss / n);
+            post.metric("low/policy_loss", step, policy_loss / n);
+            post.metric("low/mean_weight", step, weight / n);
+            post.progress("low", step, l.updates as u64);
+            (value_loss, policy_loss, weight) = (0.0, 0.0, 0.0);
+        }
+        if update % PUBLISH == 0 || update == l.updates {
+            let last = update == l.updates;
+            post.send(News::Low { weights: low.weights.clone(), last });
+        }
+    }
+    Ok(())
+}
