@@ -6,9 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use config::Config;
-use maze::{
-    AntMaze, CONTROL_SECONDS, FALLEN, Layout, Physics, Route, evaluation_task, upright,
-};
+use maze::{AntMaze, CONTROL_SECONDS, FALLEN, Layout, Physics, Route, evaluation_task, upright};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -33,7 +31,14 @@ pub struct Ceiling {
 
 impl fmt::Display for Ceiling {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { episodes, speed, falls, success, steps, maze_falls } = self;
+        let Self {
+            episodes,
+            speed,
+            falls,
+            success,
+            steps,
+            maze_falls,
+        } = self;
         writeln!(
             f,
             "open floor, direction turned every 60 steps on average, {episodes} episodes of 1000 \
@@ -81,7 +86,10 @@ pub fn measure(config: &Config, episodes: usize, path: Option<&Path>) -> anyhow:
                 })
             })
             .collect();
-        workers.into_iter().filter_map(|worker| worker.join().ok()).collect::<Vec<_>>()
+        workers
+            .into_iter()
+            .filter_map(|worker| worker.join().ok())
+            .collect::<Vec<_>>()
     });
     let n = episodes.max(1) as f64;
     let total = |of: fn(&Ceiling) -> f64| sums.iter().map(of).sum::<f64>();

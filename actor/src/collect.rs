@@ -47,9 +47,17 @@ pub struct Collected {
 
 impl fmt::Display for Collected {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { transitions, episodes, fallen, path } = self;
+        let Self {
+            transitions,
+            episodes,
+            fallen,
+            path,
+        } = self;
         let fallen = 100.0 * fallen;
-        write!(f, "{transitions} transitions in {episodes} episodes ({fallen:.1}% on the back) to {path}")
+        write!(
+            f,
+            "{transitions} transitions in {episodes} episodes ({fallen:.1}% on the back) to {path}"
+        )
     }
 }
 
@@ -100,7 +108,10 @@ pub fn collect(
             progress(done.min(settings.transitions), settings.transitions);
         }
     });
-    anyhow::ensure!(!stop.load(Ordering::Relaxed), "stopped before the data set was whole");
+    anyhow::ensure!(
+        !stop.load(Ordering::Relaxed),
+        "stopped before the data set was whole"
+    );
     write(config, &layout, episodes.into_iter().flatten(), rows)
 }
 
@@ -112,7 +123,11 @@ fn walk(
     seed: u64,
 ) -> Episode {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let style = if settings.style == "play" { Style::Play } else { Style::Diverse };
+    let style = if settings.style == "play" {
+        Style::Play
+    } else {
+        Style::Diverse
+    };
     let task = random_task(layout, style, &mut rng);
     let mut route = Route::new(layout, task.goal, task.goal_cell);
     ant.reset(task.start, &mut rng);
@@ -132,7 +147,11 @@ fn walk(
             waypoint = towards;
             let last = towards == route.goal();
             offset = [0; 2].map(|_| {
-                if last { 0.0 } else { rng.random_range(-OFF_CENTRE..OFF_CENTRE) }
+                if last {
+                    0.0
+                } else {
+                    rng.random_range(-OFF_CENTRE..OFF_CENTRE)
+                }
             });
         }
         let direction = [0, 1].map(|axis| waypoint[axis] + offset[axis] - place[axis]);
@@ -169,11 +188,20 @@ fn write(
     }
     let n = timeouts.len();
     // D4RL's rewards are those of the evaluation's goal, whatever the behaviour aimed at.
-    let target = layout.goals().first().map_or([0.0; 2], |goal| layout.centre(*goal));
+    let target = layout
+        .goals()
+        .first()
+        .map_or([0.0; 2], |goal| layout.centre(*goal));
     let near = |next: &[f32]| (next[0] - target[0]).hypot(next[1] - target[1]) <= ARRIVED;
-    let terminals: Vec<u8> =
-        all.next.chunks_exact(OBSERVATION).map(|next| u8::from(near(next))).collect();
-    let rewards: Vec<f32> = terminals.iter().map(|terminal| f32::from(*terminal)).collect();
+    let terminals: Vec<u8> = all
+        .next
+        .chunks_exact(OBSERVATION)
+        .map(|next| u8::from(near(next)))
+        .collect();
+    let rewards: Vec<f32> = terminals
+        .iter()
+        .map(|terminal| f32::from(*terminal))
+        .collect();
     let next = || all.next.chunks_exact(OBSERVATION);
     let path = Path::new(&config.dataset);
     d4rl::write(

@@ -48,9 +48,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     let stopped = || stop.load(Ordering::Relaxed);
     match config.run.kind {
         Kind::Walker => walk::run(&config, &layout, &bus, args.id, &stopped),
-        Kind::Offline => {
-            navigate::run(&config, &layout, &args.folder, &bus, args.id, &stopped)
-        }
+        Kind::Offline => navigate::run(&config, &layout, &args.folder, &bus, args.id, &stopped),
     }
 }
 

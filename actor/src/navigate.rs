@@ -154,7 +154,11 @@ pub(crate) fn run(
     stopped: &dyn Fn() -> bool,
 ) -> anyhow::Result<()> {
     let reporter = Reporter::new(bus)?;
-    let status = Status { role: Role::Actor as u32, id, ..Status::default() };
+    let status = Status {
+        role: Role::Actor as u32,
+        id,
+        ..Status::default()
+    };
     reporter.status(&status);
     let mut actor = Actor {
         config,
@@ -180,7 +184,10 @@ pub(crate) fn run(
     actor.status.state = State::Finished as u32;
     actor.reporter.status(&actor.status);
     if !stopped() {
-        anyhow::ensure!(drained.acknowledged, "not all trajectories were acknowledged");
+        anyhow::ensure!(
+            drained.acknowledged,
+            "not all trajectories were acknowledged"
+        );
     }
     Ok(())
 }
@@ -253,7 +260,9 @@ impl Actor<'_> {
     /// nobody's share for actors beyond the planned ones.
     fn next_episode(&self, directive: &Directive) -> Option<u32> {
         let actors = self.config.topology.actors as u32;
-        (self.id..directive.episodes).step_by(actors as usize).find(|i| !directive.is_done(*i))
+        (self.id..directive.episodes)
+            .step_by(actors as usize)
+            .find(|i| !directive.is_done(*i))
     }
 
     fn evaluate(&mut self, episode: u32) -> anyhow::Result<Option<EpisodeResult>> {
@@ -262,15 +271,15 @@ impl Actor<'_> {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let task = evaluation_task(self.layout, &mut rng);
         let keep_all = self.config.evaluation.all_traces;
-        let path = self.folder.join("traces").join(format!("episode-{episode:04}.mcap"));
+        let path = self
+            .folder
+            .join("traces")
+            .join(format!("episode-{episode:04}.mcap"));
         let mut writer = None;
         if keep_all || self.kept != [true; 2] {
             // A disk that is full ends the traces, not the run.
-            writer = match EpisodeWriter::create(
-                &path,
-                &self.scene(&task),
-                self.config.resolved(),
-            ) {
+            writer = match EpisodeWriter::create(&path, &self.scene(&task), self.config.resolved())
+            {
                 Ok(writer) => Some(writer),
                 Err(error) => {
                     eprintln!("actor: no trace: {error}");
@@ -337,7 +346,9 @@ impl Actor<'_> {
             let graph = navigator.graph();
             scene.nodes.clone_from(&graph.places);
             for node in 0..graph.len() as u32 {
-                scene.edges.extend(graph.neighbours(node).iter().map(|edge| (node, edge.to)));
+                scene
+                    .edges
+                    .extend(graph.neighbours(node).iter().map(|edge| (node, edge.to)));
             }
         }
         scene
@@ -351,8 +362,11 @@ impl Actor<'_> {
         rng: &mut Pcg64Mcg,
         mut trace: Option<&mut EpisodeWriter>,
     ) -> anyhow::Result<Ended> {
-        let choosing =
-            if phase == Phase::Train { Choosing::Sampled } else { Choosing::Greedy };
+        let choosing = if phase == Phase::Train {
+            Choosing::Sampled
+        } else {
+            Choosing::Greedy
+        };
         let radius = self.config.evaluation.success_radius as f32;
         let limit = self.config.evaluation.max_steps;
         self.ant.reset(task.start, rng);
@@ -370,12 +384,13 @@ impl Actor<'_> {
         };
         let mut observation = self.ant.observation();
         for step in 0..limit {
-            let Some(navigator) = &mut self.navigator else { break };
+            let Some(navigator) = &mut self.navigator else {
+                break;
+            };
             let decision = navigator.decide(&observation, choosing, rng);
             let goal_node = navigator.goal_node();
             if let Some(writer) = &mut trace {
-                let record =
-                    self.step_record(step, &observation, &decision, task, choosing);
+                let record = self.step_record(step, &observation, &decision, task, choosing);
                 if let Err(error) = writer.step(&record) {
                     eprintln!("actor: the trace ends here: {error}");
                     trace = None;
@@ -386,18 +401,25 @@ impl Actor<'_> {
             observation = self.ant.observation();
             self.status.steps += 1;
             ended.steps = step + 1;
-            let distance =
-                (task.goal[0] - observation[0]).hypot(task.goal[1] - observation[1]);
+            let distance = (task.goal[0] - observation[0]).hypot(task.goal[1] - observation[1]);
             ended.nearest = ended.nearest.min(distance);
             ended.success = distance <= radius;
             ended.fell = upright(&observation) < FALLEN;
             let mut bits = 0;
             if let Some(outcome) = decision.outcome {
-                bits |= if outcome.reached { flags::REACHED } else { flags::FAILED };
+                bits |= if outcome.reached {
+                    flags::REACHED
+                } else {
+                    flags::FAILED
+                };
                 ended.edges[0] += 1;
                 ended.edges[1] += u32::from(outcome.reached);
             }
-            bits |= if decision.chosen.is_some() { flags::CHOICE } else { 0 };
+            bits |= if decision.chosen.is_some() {
+                flags::CHOICE
+            } else {
+                0
+            };
             bits |= if ended.fell { flags::FELL } else { 0 };
             // In training a fallen ant has nothing more to teach.
             let given_up = ended.fell && phase == Phase::Train;
@@ -488,7 +510,8 @@ impl Actor<'_> {
             ..TrajectoryHeader::default()
         };
         let record = &self.record;
-        self.sender.send_with(header, record.len(), |row| record[row])?;
+        self.sender
+            .send_with(header, record.len(), |row| record[row])?;
         self.record.clear();
         Ok(!(self.stopped)() && self.directives.latest().phase() == phase)
     }

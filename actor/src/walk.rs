@@ -17,12 +17,8 @@ use wire::{
 
 /// Below this an ant has fallen and its episode ends.
 const FALLEN: f32 = 0.2;
-/// What a fall costs.
-const FALL_COST: f32 = 3.0;
 /// Cost of the mean squared action.
 const EFFORT_COST: f32 = 0.02;
-/// Cost of the torso's tilt, which makes for upright walking.
-const TILT_COST: f32 = 0.3;
 /// Control steps of an episode at most.
 const EPISODE_STEPS: u32 = 1000;
 
@@ -43,7 +39,11 @@ struct Walker {
 
 impl Walker {
     fn new(layout: &Layout, in_maze: bool, seed: u64, segment: usize) -> Self {
-        let physics = if in_maze { Physics::MAZE } else { Physics::OPEN_FLOOR };
+        let physics = if in_maze {
+            Physics::MAZE
+        } else {
+            Physics::OPEN_FLOOR
+        };
         let world = AntMaze::new(layout, physics);
         let observation = world.observation();
         let mut walker = Self {
@@ -70,7 +70,9 @@ impl Walker {
         let half = self.rng.random_range(-1.0..1.0_f32) * std::f32::consts::FRAC_PI_2;
         turned[3..7].copy_from_slice(&[half.cos(), 0.0, 0.0, half.sin()]);
         self.world.set(&turned);
-        self.route = self.in_maze.then(|| Route::new(layout, task.goal, task.goal_cell));
+        self.route = self
+            .in_maze
+            .then(|| Route::new(layout, task.goal, task.goal_cell));
         self.turn();
         self.step = 0;
         self.episode += 1;
@@ -101,18 +103,26 @@ impl Walker {
         self.world.step(&action);
         self.step += 1;
         let after = self.world.observation();
-        let ahead = (after[0] - before[0]) * self.direction[0]
-            + (after[1] - before[1]) * self.direction[1];
+        let ahead =
+            (after[0] - before[0]) * self.direction[0] + (after[1] - before[1]) * self.direction[1];
         let speed = ahead / maze::CONTROL_SECONDS;
-        let effort = action.iter().map(|a| a.clamp(-1.0, 1.0).powi(2)).sum::<f32>() / 8.0;
+        let effort = action
+            .iter()
+            .map(|a| a.clamp(-1.0, 1.0).powi(2))
+            .sum::<f32>()
+            / 8.0;
         let up = upright(&after);
         let fell = up < FALLEN;
         let reward = speed.min(w.top_speed)
             - EFFORT_COST * effort
-            - TILT_COST * (1.0 - up)
-            - if fell { FALL_COST } else { 0.0 };
+            - w.tilt_cost * (1.0 - up)
+            - if fell { w.fall_cost } else { 0.0 };
         let cut = self.step >= EPISODE_STEPS;
-        let mut bits = if fell { flags::TERMINAL | flags::FELL } else { 0 };
+        let mut bits = if fell {
+            flags::TERMINAL | flags::FELL
+        } else {
+            0
+        };
         if cut && !fell {
             bits |= flags::TRUNCATED;
         }
@@ -156,6 +166,8 @@ impl Walker {
 
 struct Settings {
     top_speed: f32,
+    fall_cost: f32,
+    tilt_cost: f32,
     turn_every: f32,
     segment: usize,
 }
@@ -170,12 +182,18 @@ pub(crate) fn run(
     let w = &config.walker;
     let settings = Settings {
         top_speed: w.top_speed as f32,
+        fall_cost: w.fall_cost as f32,
+        tilt_cost: w.tilt_cost as f32,
         turn_every: w.turn_every as f32,
         segment: w.segment,
     };
     let reporter = Reporter::new(bus)?;
     let mut directives = DirectiveSubscriber::new(bus)?;
-    let mut status = Status { role: Role::Actor as u32, id, ..Status::default() };
+    let mut status = Status {
+        role: Role::Actor as u32,
+        id,
+        ..Status::default()
+    };
     reporter.status(&status);
     let mut sender = TrajectorySender::connect(bus, id, Duration::from_secs(60))?;
     let subscriber = WeightsSubscriber::new(bus, Module::Walker)?;
@@ -248,7 +266,10 @@ pub(crate) fn run(
     status.state = State::Finished as u32;
     reporter.status(&status);
     if !stopped() {
-        anyhow::ensure!(drained.acknowledged, "the learner did not acknowledge all trajectories");
+        anyhow::ensure!(
+            drained.acknowledged,
+            "the learner did not acknowledge all trajectories"
+        );
     }
     Ok(())
 }

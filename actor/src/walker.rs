@@ -29,25 +29,41 @@ impl Walker {
             Some(path) => ParameterFile::load(path),
             None => ParameterFile::from_bytes(BUILT_IN),
         };
-        let name = path.map_or("the walker built in".to_owned(), |p| p.display().to_string());
+        let name = path.map_or("the walker built in".to_owned(), |p| {
+            p.display().to_string()
+        });
         let file = file.with_context(|| name.clone())?;
-        let hidden = file.metadata().get("hidden").context("no walker: it has no 'hidden'")?;
+        let hidden = file
+            .metadata()
+            .get("hidden")
+            .context("no walker: it has no 'hidden'")?;
         let hidden: Vec<usize> = hidden
             .split(',')
-            .map(|width| width.parse().ok().filter(|width| (1..=4096).contains(width)))
+            .map(|width| {
+                width
+                    .parse()
+                    .ok()
+                    .filter(|width| (1..=4096).contains(width))
+            })
             .collect::<Option<_>>()
             .with_context(|| format!("{name}: 'hidden' is no list of widths"))?;
         let policy = Policy::new(&hidden);
         let mut weights = policy.mlp().from_tensors("policy", &file)?;
         weights.extend(file.tensor("log_std", &[ACTION])?);
         let workspace = policy.mlp().workspace(1);
-        Ok(Self { policy, weights, workspace })
+        Ok(Self {
+            policy,
+            weights,
+            workspace,
+        })
     }
 
     /// The mean action in an observation (29 values) towards a world direction.
     pub fn act(&mut self, observation: &[f32], direction: [f32; 2]) -> Action {
         let frame = Egocentric::new(observation, direction);
-        let mean = self.policy.mean(&self.weights, &frame.features, 1, &mut self.workspace);
+        let mean = self
+            .policy
+            .mean(&self.weights, &frame.features, 1, &mut self.workspace);
         frame.to_actuators(mean)
     }
 }

@@ -33,8 +33,13 @@ pub(crate) fn graph(config: &Config, data: &Dataset, weights: &[f32]) -> anyhow:
         tolerance: 1e-4,
         seeding: Seeding::PlusPlus,
     };
-    let clusters = kmeans::fit(&points, dz, &settings)
-        .with_context(|| format!("of {} rows, {} show the ant under way", data.len(), rows.len()))?;
+    let clusters = kmeans::fit(&points, dz, &settings).with_context(|| {
+        format!(
+            "of {} rows, {} show the ant under way",
+            data.len(),
+            rows.len()
+        )
+    })?;
     let rule = EdgeRule {
         lag: g.lag,
         min_count: g.min_count,

@@ -38,7 +38,10 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     let domain = RunDomain::open(&args.domain)?;
     let bus = Bus::join(&domain, "graph-builder")?;
     let reporter = Reporter::new(&bus)?;
-    let mut status = Status { role: Role::GraphBuilder as u32, ..Status::default() };
+    let mut status = Status {
+        role: Role::GraphBuilder as u32,
+        ..Status::default()
+    };
     status.set_text("loading the data set");
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder)?;
@@ -172,24 +175,35 @@ impl Builder<'_> {
         self.status.versions[2] = graph.version;
         self.status.state = State::Trained as u32;
         self.metric("graph/edges_tried", self.tried as f64);
-        self.metric("graph/edge_success", self.reached as f64 / self.tried.max(1) as f64);
+        self.metric(
+            "graph/edge_success",
+            self.reached as f64 / self.tried.max(1) as f64,
+        );
         self.graph = Some(graph);
         Ok(())
     }
 
     fn metric(&self, name: &str, value: f64) {
         let step = self.status.versions[2];
-        self.reporter.metric(&Metric::new(Role::GraphBuilder, 0, name, step, value));
+        self.reporter
+            .metric(&Metric::new(Role::GraphBuilder, 0, name, step, value));
     }
 
     /// What the graph is worth, as numbers.
     fn measure(&self, graph: &Graph) {
-        let centres: Vec<[f32; 2]> =
-            self.layout.free_cells().into_iter().map(|cell| self.layout.centre(cell)).collect();
+        let centres: Vec<[f32; 2]> = self
+            .layout
+            .free_cells()
+            .into_iter()
+            .map(|cell| self.layout.centre(cell))
+            .collect();
         let wall = graph.edges_through_walls(|place| self.layout.is_wall_at(place));
         self.metric("graph/nodes", graph.len() as f64);
         self.metric("graph/edges", graph.edges.len() as f64);
-        self.metric("graph/coverage", f64::from(graph.coverage(&centres, maze::CELL_SIZE / 2.0)));
+        self.metric(
+            "graph/coverage",
+            f64::from(graph.coverage(&centres, maze::CELL_SIZE / 2.0)),
+        );
         self.metric("graph/edges_through_walls", wall as f64);
         self.metric("graph/mean_edge_steps", f64::from(graph.mean_edge_steps()));
     }

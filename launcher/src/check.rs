@@ -22,19 +22,29 @@ pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Con
     let config = Config::load(path, sets)?;
     if let Err(error) = actor::layout(&config) {
         let text = std::fs::read_to_string(path).unwrap_or_default();
-        let line = text.lines().position(|line| line.trim_start().starts_with("rows"));
+        let line = text
+            .lines()
+            .position(|line| line.trim_start().starts_with("rows"));
         let fault = Fault {
             line: line.map_or(1, |line| line + 1),
             key: "maze.rows".to_owned(),
             message: error.root_cause().to_string(),
         };
         let origin = path.display().to_string();
-        return Err(Faults { origin, faults: vec![fault] }.into());
+        return Err(Faults {
+            origin,
+            faults: vec![fault],
+        }
+        .into());
     }
     let available = wire::shared_memory_available()?;
     let needed = limits(&config).shared_memory_bytes();
     if needed > available {
-        return Err(TooSmall { available: available >> 20, needed: needed >> 20 }.into());
+        return Err(TooSmall {
+            available: available >> 20,
+            needed: needed >> 20,
+        }
+        .into());
     }
     Ok(config)
 }
@@ -47,18 +57,37 @@ pub(crate) fn limits(config: &Config) -> Limits {
         [
             vae::Shape::new(dz, &config.encoder.hidden).weights(),
             low::Policy::new(dz, &config.low.hidden).mlp().parameters(),
-            high::Policy::new(dz, nodes, &config.high.hidden).mlp().parameters(),
+            high::Policy::new(dz, nodes, &config.high.hidden)
+                .mlp()
+                .parameters(),
             0,
         ]
     } else {
-        [0, 0, 0, walker::Policy::new(&config.walker.hidden).weights()]
+        [
+            0,
+            0,
+            0,
+            walker::Policy::new(&config.walker.hidden).weights(),
+        ]
     };
     Limits {
         max_actors: config.topology.max_actors,
         window: config.topology.window,
-        trajectory_steps: if offline { actor::TRAJECTORY_STEPS } else { config.walker.segment + 1 },
+        trajectory_steps: if offline {
+            actor::TRAJECTORY_STEPS
+        } else {
+            config.walker.segment + 1
+        },
         weights,
-        graph_bytes: if offline { graph::max_bytes(nodes, dz) } else { 0 },
-        readers: if offline { Reader::ALL.to_vec() } else { vec![Reader::Learner] },
+        graph_bytes: if offline {
+            graph::max_bytes(nodes, dz)
+        } else {
+            0
+        },
+        readers: if offline {
+            Reader::ALL.to_vec()
+        } else {
+            vec![Reader::Learner]
+        },
     }
 }

@@ -52,12 +52,21 @@ pub(crate) struct Children {
 impl Children {
     pub(crate) fn new(folder: &Path, domain: &str, limit: usize, window: Duration) -> Self {
         let (folder, domain) = (folder.to_path_buf(), domain.to_owned());
-        Self { places: vec![], folder, domain, limit, window }
+        Self {
+            places: vec![],
+            folder,
+            domain,
+            limit,
+            window,
+        }
     }
 
     /// Starts a process.
     pub(crate) fn start(&mut self, role: Role, id: u32) -> anyhow::Result<()> {
-        let log = self.folder.join("logs").join(format!("{}-{id}.log", role.name()));
+        let log = self
+            .folder
+            .join("logs")
+            .join(format!("{}-{id}.log", role.name()));
         let mut place = Place {
             role,
             id,
@@ -115,7 +124,11 @@ impl Drop for Children {
     /// No way out of the launcher leaves a child behind.
     fn drop(&mut self) {
         self.signal(Signal::KILL);
-        for child in self.places.iter_mut().filter_map(|place| place.child.as_mut()) {
+        for child in self
+            .places
+            .iter_mut()
+            .filter_map(|place| place.child.as_mut())
+        {
             let _ = child.wait();
         }
     }

@@ -17,7 +17,11 @@ pub(crate) fn doctor() -> anyhow::Result<ExitCode> {
         if run.alive {
             println!("run {}: alive, {what}", run.id);
         } else {
-            let done = if wire::clear(run) { "cleared" } else { "alive again" };
+            let done = if wire::clear(run) {
+                "cleared"
+            } else {
+                "alive again"
+            };
             println!("run {}: dead, {what}: {done}", run.id);
         }
     }

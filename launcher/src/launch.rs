@@ -55,7 +55,10 @@ pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
     }
     for dead in wire::leftovers().iter().filter(|run| !run.alive) {
         if wire::clear(dead) {
-            println!("cleared what the dead run {} left in shared memory", dead.id);
+            println!(
+                "cleared what the dead run {} left in shared memory",
+                dead.id
+            );
         }
     }
     if let Some(code) = collect(config, &interrupts)? {
@@ -164,7 +167,10 @@ impl Run<'_> {
     }
 
     fn evaluate(&mut self) -> anyhow::Result<()> {
-        let versions = self.statuses.get(&(Role::Learner, 0)).map(|(status, _)| status.versions);
+        let versions = self
+            .statuses
+            .get(&(Role::Learner, 0))
+            .map(|(status, _)| status.versions);
         let [low, high, graph] = versions.unwrap_or_default();
         self.directive.phase = Phase::Evaluate as u32;
         self.directive.episodes = self.config.evaluation.episodes as u32;
@@ -180,7 +186,14 @@ impl Run<'_> {
     }
 
     fn read_reports(&mut self) -> anyhow::Result<()> {
-        let Self { reports, statuses, metrics, results, directive, .. } = self;
+        let Self {
+            reports,
+            statuses,
+            metrics,
+            results,
+            directive,
+            ..
+        } = self;
         let mut news = false;
         reports.read(
             |status| {
@@ -214,11 +227,16 @@ impl Run<'_> {
                     self.failure = Some(format!("{name} left before the run was over"));
                 }
                 Ended::Restarting(status) => {
-                    self.progress.say(&format!("{name} ended with {status}; starting it again"));
+                    self.progress
+                        .say(&format!("{name} ended with {status}; starting it again"));
                 }
                 Ended::Failed(status) => {
                     let lines = place.last_lines(20);
-                    let told = if lines.is_empty() { String::new() } else { format!(":\n{lines}") };
+                    let told = if lines.is_empty() {
+                        String::new()
+                    } else {
+                        format!(":\n{lines}")
+                    };
                     self.failure
                         .get_or_insert_with(|| format!("{name} failed with {status}{told}"));
                 }
@@ -241,7 +259,7 @@ impl Run<'_> {
             self.directives.keep_alive();
             self.tend(true)?;
             let passed = start.elapsed();
-            let patience = if early { Duration::ZERO } else { PATIENCE };
+            let patience = if early { PATIENCE / 4 } else { PATIENCE };
             let hasty = self.interrupts.load(Ordering::Relaxed) > seen;
             if !termed && passed >= patience {
                 self.children.signal(Signal::TERM);
@@ -267,9 +285,17 @@ impl Run<'_> {
 
     /// Says how it went, and writes it down.
     fn report(&mut self, folder: &std::path::Path) -> anyhow::Result<ExitCode> {
-        let restarted: usize = self.children.places.iter().map(|place| place.restarted).sum();
+        let restarted: usize = self
+            .children
+            .places
+            .iter()
+            .map(|place| place.restarted)
+            .sum();
         let of = |role: Role| {
-            self.statuses.iter().filter(move |((r, _), _)| *r == role).map(|(_, (status, _))| status)
+            self.statuses
+                .iter()
+                .filter(move |((r, _), _)| *r == role)
+                .map(|(_, (status, _))| status)
         };
         let sent: u64 = of(Role::Actor).map(|status| status.sent).sum();
         let mut text = format!("transitions: {sent} sent");
@@ -285,7 +311,7 @@ impl Run<'_> {
                 );
                 if status.received > status.settled {
                     let more = status.received - status.settled;
-                    text += &format!(" and {more} from actors that were killed");
+                    text += &format!(" and {more} from actors that took no leave");
                 }
                 agree &= status.settled == sent && status.lost == 0;
             }
@@ -301,12 +327,17 @@ impl Run<'_> {
         if let Some(failure) = self.failure.take() {
             anyhow::bail!(failure);
         }
-        anyhow::ensure!(agree, "the counts of transitions do not agree; see {}", folder.display());
+        anyhow::ensure!(
+            agree,
+            "the counts of transitions do not agree; see {}",
+            folder.display()
+        );
         if self.config.run.kind == Kind::Offline {
             let score = self.score(folder)?;
             self.progress.say(&score);
         }
-        self.progress.say(&format!("all of it is in {}", folder.display()));
+        self.progress
+            .say(&format!("all of it is in {}", folder.display()));
         Ok(ExitCode::SUCCESS)
     }
 

@@ -77,11 +77,14 @@ fn main() -> ExitCode {
         }),
         Command::Collect(args) => check::load(&args.config, &args.sets)
             .and_then(|config| role::collect(&config).map(|()| ExitCode::SUCCESS)),
-        Command::Ceiling { config, episodes, walker } => check::load(&config.config, &config.sets)
-            .and_then(|config| {
-                let path = walker.as_deref();
-                role::ceiling(&config, episodes, path).map(|()| ExitCode::SUCCESS)
-            }),
+        Command::Ceiling {
+            config,
+            episodes,
+            walker,
+        } => check::load(&config.config, &config.sets).and_then(|config| {
+            let path = walker.as_deref();
+            role::ceiling(&config, episodes, path).map(|()| ExitCode::SUCCESS)
+        }),
         Command::Doctor => doctor::doctor(),
         Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),
         Command::Learner(args) => role::run(|stop| learner::run(&args, stop)),

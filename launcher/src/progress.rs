@@ -60,7 +60,10 @@ impl Progress {
             self.steps_a_second = steps.saturating_sub(self.rate.1) as f64 / passed;
             self.rate = (Instant::now(), steps);
         }
-        parts.push(format!("{actors} actors at {:.0} steps/s", self.steps_a_second));
+        parts.push(format!(
+            "{actors} actors at {:.0} steps/s",
+            self.steps_a_second
+        ));
         if !extra.is_empty() {
             parts.push(extra.to_owned());
         }
@@ -96,7 +99,11 @@ impl MetricsFile {
     pub(crate) fn create(path: &Path) -> anyhow::Result<Self> {
         let mut file = BufWriter::new(File::create(path)?);
         writeln!(file, "seconds,role,id,name,step,value")?;
-        Ok(Self { file: Some(file), start: Instant::now(), flushed: Instant::now() })
+        Ok(Self {
+            file: Some(file),
+            start: Instant::now(),
+            flushed: Instant::now(),
+        })
     }
 
     /// A full disk ends the file, not the run.
@@ -104,7 +111,9 @@ impl MetricsFile {
         let Some(file) = &mut self.file else { return };
         let role = Role::from_number(metric.role).map_or("unknown", Role::name);
         let seconds = self.start.elapsed().as_secs_f64();
-        let Metric { id, step, value, .. } = *metric;
+        let Metric {
+            id, step, value, ..
+        } = *metric;
         let name = metric.name().replace([',', '\n', '"'], "_");
         let mut written = writeln!(file, "{seconds:.1},{role},{id},{name},{step},{value}");
         if self.flushed.elapsed() > Duration::from_secs(1) {

@@ -22,7 +22,9 @@ pub(crate) fn run(
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
-    let launcher = std::env::var(LAUNCHER).ok().and_then(|pid| Pid::from_raw(pid.parse().ok()?));
+    let launcher = std::env::var(LAUNCHER)
+        .ok()
+        .and_then(|pid| Pid::from_raw(pid.parse().ok()?));
     // The kernel's word comes at once but only from the launcher's own thread; looking is slower
     // and misses nothing, a launcher that was gone before this line included.
     let _ = set_parent_process_death_signal(launcher.map(|_| Signal::TERM));
@@ -58,7 +60,10 @@ pub(crate) fn collect(config: &Config) -> anyhow::Result<()> {
             println!("collect: {done} of {total} transitions");
         }
     })?;
-    println!("collect: {summary} in {:.0} s", start.elapsed().as_secs_f64());
+    println!(
+        "collect: {summary} in {:.0} s",
+        start.elapsed().as_secs_f64()
+    );
     Ok(())
 }
 

@@ -24,7 +24,10 @@ pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow:
     };
     let mut rng = Pcg64Mcg::seed_from_u64(config.run.seed + 11);
     let Some(starts) = Starts::new(&data.episodes, e.lag) else {
-        anyhow::bail!("no episode of the data set is longer than encoder.lag = {} steps", e.lag);
+        anyhow::bail!(
+            "no episode of the data set is longer than encoder.lag = {} steps",
+            e.lag
+        );
     };
     let (mean, std) = moments(data);
     let mut vae = Vae::new(settings, mean, std, &mut rng);
@@ -55,8 +58,10 @@ pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow:
     let shape = vae.shape().clone();
     if let Some(mut encoder) = Encoder::new(shape, &vae.weights) {
         let stride = (data.len() / 2000).max(1);
-        let places: Vec<[f32; 2]> =
-            (0..data.len()).step_by(stride).map(|row| data.place(row)).collect();
+        let places: Vec<[f32; 2]> = (0..data.len())
+            .step_by(stride)
+            .map(|row| data.place(row))
+            .collect();
         let mut latents = vec![];
         encoder.encode(places.iter().copied(), &mut latents);
         let error: f32 = places
@@ -65,7 +70,11 @@ pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow:
             .map(|(place, back)| (place[0] - back[0]).hypot(place[1] - back[1]))
             .sum();
         let step = e.updates as u64;
-        post.metric("encoder/place_error_m", step, error / places.len().max(1) as f32);
+        post.metric(
+            "encoder/place_error_m",
+            step,
+            error / places.len().max(1) as f32,
+        );
     }
     post.send(News::Encoder(vae.weights));
     Ok(())
@@ -82,6 +91,13 @@ fn moments(data: &Dataset) -> ([f32; 2], [f32; 2]) {
         }
     }
     let mean = sum.map(|sum| sum / n);
-    let std = [0, 1].map(|axis| (squares[axis] / n - mean[axis] * mean[axis]).max(0.0).sqrt());
-    (mean.map(|value| value as f32), std.map(|value| value as f32))
+    let std = [0, 1].map(|axis| {
+        (squares[axis] / n - mean[axis] * mean[axis])
+            .max(0.0)
+            .sqrt()
+    });
+    (
+        mean.map(|value| value as f32),
+        std.map(|value| value as f32),
+    )
 }

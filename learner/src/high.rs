@@ -128,7 +128,10 @@ pub(crate) fn train(
                 post.metric("high/greedy_arrived", step, arrived);
                 post.metric("high/path_over_shortest", step, ratio);
             }
-            post.send(News::High { weights: high.weights.clone(), last: done });
+            post.send(News::High {
+                weights: high.weights.clone(),
+                last: done,
+            });
         }
     }
 }

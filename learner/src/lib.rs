@@ -39,9 +39,9 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     let domain = RunDomain::open(&args.domain)?;
     let bus = Bus::join(&domain, "learner")?;
     match config.run.kind {
-        Kind::Walker => {
-            walk::run(&config, &args.folder, &bus, &|| stop.load(Ordering::Relaxed))
-        }
+        Kind::Walker => walk::run(&config, &args.folder, &bus, &|| {
+            stop.load(Ordering::Relaxed)
+        }),
         Kind::Offline => offline::run(&config, &args.folder, &bus, stop),
     }
 }

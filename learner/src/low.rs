@@ -74,7 +74,10 @@ pub(crate) fn train(
             let subgoal = if snapped {
                 centroid(nodes[later])
             } else {
-                Subgoal { place: data.place(later), latent: latent(later) }
+                Subgoal {
+                    place: data.place(later),
+                    latent: latent(later),
+                }
             };
             let mut pick: f32 = rng.random();
             let mut value_goal = data.place(row);
@@ -111,7 +114,10 @@ pub(crate) fn train(
         }
         if update % PUBLISH == 0 || update == l.updates {
             let last = update == l.updates;
-            post.send(News::Low { weights: low.weights.clone(), last });
+            post.send(News::Low {
+                weights: low.weights.clone(),
+                last,
+            });
         }
     }
     Ok(())

@@ -23,11 +23,25 @@ use crate::{encoder, low, save};
 
 /// What a training thread has to tell.
 pub(crate) enum News {
-    Metric { name: &'static str, step: u64, value: f32 },
-    Progress { stage: &'static str, done: u64, total: u64 },
+    Metric {
+        name: &'static str,
+        step: u64,
+        value: f32,
+    },
+    Progress {
+        stage: &'static str,
+        done: u64,
+        total: u64,
+    },
     Encoder(Vec<f32>),
-    Low { weights: Vec<f32>, last: bool },
-    High { weights: Vec<f32>, last: bool },
+    Low {
+        weights: Vec<f32>,
+        last: bool,
+    },
+    High {
+        weights: Vec<f32>,
+        last: bool,
+    },
     Failed(anyhow::Error),
 }
 
@@ -63,7 +77,10 @@ fn spawn<'s>(
     stop: &'s AtomicBool,
     stage: impl FnOnce(&Post<'s>) -> anyhow::Result<()> + Send + 's,
 ) {
-    let post = Post { sender: sender.clone(), stop };
+    let post = Post {
+        sender: sender.clone(),
+        stop,
+    };
     scope.spawn(move || {
         if let Err(error) = stage(&post) {
             post.send(News::Failed(error));
@@ -82,7 +99,11 @@ fn choices(record: &[Transition], config: &Config) -> (Vec<Choice>, u32) {
             let arrived = step.has(flags::SUCCESS) || step.node == start.goal_node;
             // The same scale as on the graph: an edge of the lag's length costs one edge.
             let cost = config.high.edge_cost * (t - at) as f64 / config.graph.lag as f64;
-            let gain = if arrived { config.high.arrival_reward } else { 0.0 };
+            let gain = if arrived {
+                config.high.arrival_reward
+            } else {
+                0.0
+            };
             found.push(Choice {
                 node: start.node.max(0) as u32,
                 goal: start.goal_node.max(0) as u32,
@@ -133,7 +154,10 @@ pub(crate) fn run(
     stop: &Arc<AtomicBool>,
 ) -> anyhow::Result<()> {
     let reporter = Reporter::new(bus)?;
-    let mut status = Status { role: Role::Learner as u32, ..Status::default() };
+    let mut status = Status {
+        role: Role::Learner as u32,
+        ..Status::default()
+    };
     status.set_text("loading the data set");
     reporter.status(&status);
     let mut learner = Learner {
@@ -186,7 +210,9 @@ impl<'c> Learner<'c> {
             (words, Some(ears))
         };
         let config = self.config;
-        spawn(scope, &sender, halt, move |post| encoder::train(config, data, post));
+        spawn(scope, &sender, halt, move |post| {
+            encoder::train(config, data, post)
+        });
         self.status.state = State::Working as u32;
         let mut pulse = Instant::now();
         while !stop.load(Ordering::Relaxed) {
@@ -206,7 +232,9 @@ impl<'c> Learner<'c> {
                 }
             });
             self.receiver.acknowledge();
-            self.publishers.iter().for_each(WeightsPublisher::keep_alive);
+            self.publishers
+                .iter()
+                .for_each(WeightsPublisher::keep_alive);
             while let Ok(told) = news.try_recv() {
                 self.hear(told)?;
             }
@@ -219,7 +247,9 @@ impl<'c> Learner<'c> {
                         low::train(config, data, &own, &encoder, post)
                     });
                     let own = graph.clone();
-                    spawn(scope, &sender, halt, move |post| high::train(config, own, &ears, post));
+                    spawn(scope, &sender, halt, move |post| {
+                        high::train(config, own, &ears, post)
+                    });
                 } else {
                     let _ = words.send(Word::Graph(Box::new(graph.clone())));
                 }
@@ -241,7 +271,8 @@ impl<'c> Learner<'c> {
         match news {
             News::Metric { name, step, value } => {
                 let value = f64::from(value);
-                self.reporter.metric(&Metric::new(Role::Learner, 0, name, step, value));
+                self.reporter
+                    .metric(&Metric::new(Role::Learner, 0, name, step, value));
             }
             News::Progress { stage, done, total } => {
                 let at = match stage {
@@ -304,7 +335,11 @@ impl<'c> Learner<'c> {
         let s = &mut self.status;
         s.set_text(&text);
         let trained = self.trained == [true; 2];
-        s.state = if trained { State::Trained } else { State::Working } as u32;
+        s.state = if trained {
+            State::Trained
+        } else {
+            State::Working
+        } as u32;
         s.received = counts.transitions;
         s.settled = self.receiver.settled();
         s.lost = counts.lost;

@@ -19,7 +19,13 @@ pub(crate) fn module(
         ("version".to_owned(), version.to_string()),
         ("config".to_owned(), config.hash()),
     ]);
-    let path = folder.join("checkpoints").join(format!("{name}.safetensors"));
-    file::save(&path, &[("weights".to_owned(), vec![weights.len()], weights)], &metadata)?;
+    let path = folder
+        .join("checkpoints")
+        .join(format!("{name}.safetensors"));
+    file::save(
+        &path,
+        &[("weights".to_owned(), vec![weights.len()], weights)],
+        &metadata,
+    )?;
     Ok(())
 }

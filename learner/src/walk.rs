@@ -20,14 +20,18 @@ use wire::{
 /// Adds a record of steps and its final row to the batch; a record without one is not whole and
 /// is left out.
 fn add(batch: &mut Batch, record: &[Transition]) {
-    let Some((last, steps)) = record.split_last() else { return };
+    let Some((last, steps)) = record.split_last() else {
+        return;
+    };
     if !last.has(flags::FINAL) || steps.is_empty() {
         return;
     }
     for step in steps {
         let frame = Egocentric::new(&step.observation, step.goal);
         batch.features.extend_from_slice(&frame.features);
-        batch.actions.extend_from_slice(&frame.from_actuators(&step.action));
+        batch
+            .actions
+            .extend_from_slice(&frame.from_actuators(&step.action));
         batch.log_probs.push(step.log_prob);
         batch.rewards.push(step.reward);
         batch.ends.push(if step.has(flags::TERMINAL) {
@@ -54,12 +58,20 @@ fn speed(record: &[Transition]) -> (f64, usize) {
         let goal = pair[0].goal;
         f64::from((b[0] - a[0]) * goal[0] + (b[1] - a[1]) * goal[1])
     });
-    (steps.sum::<f64>() / f64::from(maze::CONTROL_SECONDS), record.len().saturating_sub(1))
+    (
+        steps.sum::<f64>() / f64::from(maze::CONTROL_SECONDS),
+        record.len().saturating_sub(1),
+    )
 }
 
 fn save(learner: &Learner, config: &Config, path: &Path) -> anyhow::Result<()> {
     let mlp = learner.policy().mlp();
-    let hidden: Vec<String> = config.walker.hidden.iter().map(ToString::to_string).collect();
+    let hidden: Vec<String> = config
+        .walker
+        .hidden
+        .iter()
+        .map(ToString::to_string)
+        .collect();
     let metadata = BTreeMap::from([
         ("kind".to_owned(), "formica walker".to_owned()),
         ("hidden".to_owned(), hidden.join(",")),
@@ -92,15 +104,30 @@ pub(crate) fn run(
     };
     let mut rng = Pcg64Mcg::seed_from_u64(config.run.seed);
     let rate = w.learning_rate as f32;
-    let mut learner =
-        Learner::new(&w.hidden, w.initial_log_std as f32, rate, settings, &mut rng);
+    let mut learner = Learner::new(
+        &w.hidden,
+        w.initial_log_std as f32,
+        rate,
+        settings,
+        &mut rng,
+    );
+
+    if !w.start.is_empty() {
+        let file = file::ParameterFile::load(Path::new(&w.start))?;
+        let mut start = learner.policy().mlp().from_tensors("policy", &file)?;
+        start.extend(file.tensor("log_std", &[maze::ACTION])?);
+        learner.weights = start;
+    }
 
     let reporter = Reporter::new(bus)?;
     let mut directives = DirectiveSubscriber::new(bus)?;
     let mut receiver = TrajectoryReceiver::new(bus, Reader::Learner)?;
     let publisher = WeightsPublisher::new(bus, Module::Walker)?;
     let shape = learner.policy().mlp().shape_hash();
-    let mut status = Status { role: Role::Learner as u32, ..Status::default() };
+    let mut status = Status {
+        role: Role::Learner as u32,
+        ..Status::default()
+    };
     status.state = State::Working as u32;
     status.set_text("PPO of the walker");
     let mut version = 1;
@@ -137,7 +164,10 @@ pub(crate) fn run(
             for (name, value) in [
                 ("walker/speed_m_s", speed),
                 ("walker/falls_per_1000_steps", per_thousand),
-                ("walker/reward", f64::from(batch.rewards.iter().sum::<f32>()) / batch.len() as f64),
+                (
+                    "walker/reward",
+                    f64::from(batch.rewards.iter().sum::<f32>()) / batch.len() as f64,
+                ),
                 ("walker/kl", f64::from(report.kl)),
                 ("walker/clip_fraction", f64::from(report.clip_fraction)),
                 ("walker/entropy", f64::from(report.entropy)),
@@ -146,7 +176,9 @@ pub(crate) fn run(
             ] {
                 reporter.metric(&Metric::new(Role::Learner, 0, name, steps, value));
             }
-            status.set_text(&format!("walker {speed:.2} m/s, {per_thousand:.2} falls/1000"));
+            status.set_text(&format!(
+                "walker {speed:.2} m/s, {per_thousand:.2} falls/1000"
+            ));
             (metres, seconds, falls, lag) = (0.0, 0, 0, 0.0);
             batch.clear();
             if saved.elapsed() > Duration::from_secs(20) || steps >= total {
@@ -165,7 +197,11 @@ pub(crate) fn run(
         }
         if pulse.elapsed() > Duration::from_millis(500) {
             let counts = receiver.counts();
-            status.state = if steps >= total { State::Trained } else { State::Working } as u32;
+            status.state = if steps >= total {
+                State::Trained
+            } else {
+                State::Working
+            } as u32;
             status.received = counts.transitions;
             status.lost = counts.lost;
             status.refused = counts.refused;

@@ -53,7 +53,10 @@ impl Policy {
     #[must_use]
     pub fn new(latent: usize, nodes: usize, hidden: &[usize]) -> Self {
         let sizes = [&[input_width(latent)], hidden, &[nodes]].concat();
-        Self { mlp: Mlp::new(&sizes, Activation::Gelu, false), latent }
+        Self {
+            mlp: Mlp::new(&sizes, Activation::Gelu, false),
+            latent,
+        }
     }
 
     /// The network; its parameters are the policy's weights.
@@ -151,12 +154,19 @@ impl High {
     pub fn new(graph: &Graph, settings: Settings, rng: &mut impl Rng) -> Self {
         let nodes = graph.len();
         let policy = Policy::new(graph.latent_dim, nodes, &settings.hidden);
-        let sizes = [&[input_width(graph.latent_dim)], settings.hidden.as_slice(), &[1]].concat();
+        let sizes = [
+            &[input_width(graph.latent_dim)],
+            settings.hidden.as_slice(),
+            &[1],
+        ]
+        .concat();
         let value = Mlp::new(&sizes, Activation::Gelu, false);
         let weights = policy.mlp.init(rng, 0.01);
         let value_parameters = value.init(rng, 1.0);
         let capacity = settings.ppo.minibatch.max(settings.environments);
-        let walks = (0..settings.environments).map(|_| new_walk(nodes, rng)).collect();
+        let walks = (0..settings.environments)
+            .map(|_| new_walk(nodes, rng))
+            .collect();
         Self {
             policy_adam: Adam::new(weights.len(), settings.learning_rate),
             value_adam: Adam::new(value_parameters.len(), settings.learning_rate),
@@ -199,7 +209,9 @@ impl High {
         }
         self.pending.choices.extend_from_slice(choices);
         self.pending.records.push(choices.len());
-        self.pending.finals.push((last, choices[choices.len() - 1].goal));
+        self.pending
+            .finals
+            .push((last, choices[choices.len() - 1].goal));
     }
 
     /// Choices of rollouts that wait for the next update.
@@ -255,11 +267,18 @@ impl High {
         for chunk in pairs.chunks(self.settings.ppo.minibatch) {
             input.clear();
             for &(node, goal) in chunk {
-                embed(graph.latent(node), graph.latent(goal), graph.latent_dim, &mut input);
+                embed(
+                    graph.latent(node),
+                    graph.latent(goal),
+                    graph.latent_dim,
+                    &mut input,
+                );
             }
             let rows = chunk.len();
             let workspace = &mut self.value_workspace;
-            let out = self.value.infer(&self.value_parameters, &input, rows, workspace);
+            let out = self
+                .value
+                .infer(&self.value_parameters, &input, rows, workspace);
             values.extend_from_slice(&out[..rows]);
         }
         values
@@ -279,13 +298,17 @@ impl High {
                 self.policy.input(node, goal, &mut input);
             }
             let logits =
-                self.policy.mlp.infer(&self.weights, &input, walks, &mut self.policy_workspace);
+                self.policy
+                    .mlp
+                    .infer(&self.weights, &input, walks, &mut self.policy_workspace);
             for (i, walk) in self.walks.iter_mut().enumerate() {
                 let edges = graph.neighbours(walk.node);
                 allowed.clear();
                 allowed.extend(edges.iter().map(|edge| edge.to as usize));
                 let row = &logits[i * nodes..(i + 1) * nodes];
-                let Some(masked) = Masked::new(row, &allowed) else { continue };
+                let Some(masked) = Masked::new(row, &allowed) else {
+                    continue;
+                };
                 let picked = masked.sample(rng);
                 let edge = &edges[picked];
                 let passed = rng.random::<f32>() < graph.reliability(edge);
@@ -343,17 +366,26 @@ impl High {
         s.input.clear();
         for &i in minibatch {
             let Choice { node, goal, .. } = choices[i];
-            self.policy.input(graph.latent(node), graph.latent(goal), &mut s.input);
+            self.policy
+                .input(graph.latent(node), graph.latent(goal), &mut s.input);
         }
         s.logit_gradient.clear();
         s.logit_gradient.resize(n * nodes, 0.0);
         s.error.resize(n, 0.0);
         let mut report = Report::default();
-        let logits = self.policy.mlp.forward(&self.weights, &s.input, n, &mut self.policy_workspace);
+        let logits =
+            self.policy
+                .mlp
+                .forward(&self.weights, &s.input, n, &mut self.policy_workspace);
         for (row, &i) in minibatch.iter().enumerate() {
             let choice = &choices[i];
             s.allowed.clear();
-            s.allowed.extend(graph.neighbours(choice.node).iter().map(|edge| edge.to as usize));
+            s.allowed.extend(
+                graph
+                    .neighbours(choice.node)
+                    .iter()
+                    .map(|edge| edge.to as usize),
+            );
             let Some(picked) = s.allowed.iter().position(|&j| j == choice.subgoal as usize) else {
                 continue;
             };
@@ -369,7 +401,12 @@ impl High {
                 self.settings.ppo.clip,
             );
             let out = &mut s.logit_gradient[row * nodes..(row + 1) * nodes];
-            masked.add_gradient(picked, scale * gradient, -scale * self.settings.ppo.entropy, out);
+            masked.add_gradient(
+                picked,
+                scale * gradient,
+                -scale * self.settings.ppo.entropy,
+                out,
+            );
             let shift = log_prob - choice.log_prob;
             report.policy_loss += scale * loss;
             report.entropy += scale * masked.entropy();
@@ -391,7 +428,9 @@ impl High {
         self.policy_adam.step(&mut self.weights, &s.gradient);
 
         let parameters = &mut self.value_parameters;
-        let values = self.value.forward(parameters, &s.input, n, &mut self.value_workspace);
+        let values = self
+            .value
+            .forward(parameters, &s.input, n, &mut self.value_workspace);
         for (row, &i) in minibatch.iter().enumerate() {
             let error = values[row] - estimate.returns[i];
             report.value_loss += scale * error * error;
@@ -420,14 +459,19 @@ impl High {
         let (mut arrived, mut ratio) = (0_u32, 0.0);
         let mut input = vec![];
         for _ in 0..pairs {
-            let Walk { node: start, goal, .. } = new_walk(nodes, rng);
+            let Walk {
+                node: start, goal, ..
+            } = new_walk(nodes, rng);
             let shortest = graph.distances_to(goal, |_| 1.0)[start as usize];
             let mut node = start;
             for edges in 1..=self.settings.max_edges {
                 input.clear();
-                self.policy.input(graph.latent(node), graph.latent(goal), &mut input);
+                self.policy
+                    .input(graph.latent(node), graph.latent(goal), &mut input);
                 let logits =
-                    self.policy.mlp.infer(&self.weights, &input, 1, &mut self.policy_workspace);
+                    self.policy
+                        .mlp
+                        .infer(&self.weights, &input, 1, &mut self.policy_workspace);
                 let best = graph
                     .neighbours(node)
                     .iter()
@@ -441,7 +485,10 @@ impl High {
                 }
             }
         }
-        (arrived as f32 / pairs.max(1) as f32, ratio / arrived.max(1) as f32)
+        (
+            arrived as f32 / pairs.max(1) as f32,
+            ratio / arrived.max(1) as f32,
+        )
     }
 }
 
@@ -458,7 +505,11 @@ struct Scratch {
 #[must_use]
 pub fn reward(settings: &Settings, graph: &Graph, steps: f32, arrived: bool) -> f32 {
     let cost = settings.edge_cost * steps / graph.mean_edge_steps().max(1.0);
-    if arrived { settings.arrival_reward - cost } else { -cost }
+    if arrived {
+        settings.arrival_reward - cost
+    } else {
+        -cost
+    }
 }
 
 fn new_walk(nodes: usize, rng: &mut impl Rng) -> Walk {
@@ -467,5 +518,9 @@ fn new_walk(nodes: usize, rng: &mut impl Rng) -> Walk {
     if goal >= node {
         goal += 1;
     }
-    Walk { node: node as u32, goal: goal as u32, edges: 0 }
+    Walk {
+        node: node as u32,
+        goal: goal as u32,
+        edges: 0,
+    }
 }

@@ -59,7 +59,10 @@ impl Policy {
     #[must_use]
     pub fn new(latent: usize, hidden: &[usize]) -> Self {
         let sizes = [&[EGOCENTRIC + 1 + latent], hidden, &[ACTION]].concat();
-        Self { mlp: Mlp::new(&sizes, Activation::Gelu, false), latent }
+        Self {
+            mlp: Mlp::new(&sizes, Activation::Gelu, false),
+            latent,
+        }
     }
 
     /// The network; its parameters are the policy's weights.
@@ -76,11 +79,20 @@ impl Policy {
         subgoal: Subgoal<'_>,
         input: &mut Vec<f32>,
     ) -> Egocentric {
-        let (dx, dy) = (subgoal.place[0] - observation[0], subgoal.place[1] - observation[1]);
+        let (dx, dy) = (
+            subgoal.place[0] - observation[0],
+            subgoal.place[1] - observation[1],
+        );
         let frame = Egocentric::new(observation, [dx, dy]);
         input.extend_from_slice(&frame.features);
         input.push(dx.hypot(dy).min(FAR) / FAR);
-        let step = || subgoal.latent.iter().zip(latent).map(|(goal, here)| goal - here);
+        let step = || {
+            subgoal
+                .latent
+                .iter()
+                .zip(latent)
+                .map(|(goal, here)| goal - here)
+        };
         let scale = 1.0 / step().map(|d| d * d).sum::<f32>().sqrt().max(0.1);
         input.extend(step().map(|d| d * scale).take(self.latent));
         frame
@@ -162,8 +174,17 @@ fn value_input(observation: &[f32], goal: [f32; 2], input: &mut Vec<f32>) {
     let (dx, dy) = (goal[0] - observation[0], goal[1] - observation[1]);
     let distance = dx.hypot(dy);
     input.extend_from_slice(&Egocentric::new(observation, [dx, dy]).features);
-    input.extend([distance.min(FAR) / FAR, (-distance).exp(), 0.3 * distance.ln_1p()]);
-    input.extend([observation[0] / 10.0, observation[1] / 10.0, goal[0] / 10.0, goal[1] / 10.0]);
+    input.extend([
+        distance.min(FAR) / FAR,
+        (-distance).exp(),
+        0.3 * distance.ln_1p(),
+    ]);
+    input.extend([
+        observation[0] / 10.0,
+        observation[1] / 10.0,
+        goal[0] / 10.0,
+        goal[1] / 10.0,
+    ]);
 }
 
 fn near(observation: &[f32], goal: [f32; 2]) -> bool {
@@ -202,7 +223,9 @@ impl Low {
     /// Sets the step size of every network.
     pub fn set_learning_rate(&mut self, rate: f32) {
         self.policy_adam.learning_rate = rate;
-        self.value_adams.iter_mut().for_each(|adam| adam.learning_rate = rate);
+        self.value_adams
+            .iter_mut()
+            .for_each(|adam| adam.learning_rate = rate);
     }
 
     /// One gradient step of values and policy on at most `settings.batch` samples.
@@ -230,12 +253,16 @@ impl Low {
         s.advantage.resize(n, 0.0);
         for (target, parameters) in s.targets.iter_mut().zip(&self.targets) {
             target.clear();
-            let next = self.value.infer(parameters, &s.there, n, &mut self.workspace);
+            let next = self
+                .value
+                .infer(parameters, &s.there, n, &mut self.workspace);
             for (value, &arrived) in next.iter().zip(&s.arrived) {
                 let follow = -1.0 + self.settings.discount * value;
                 target.push(if arrived { 0.0 } else { follow });
             }
-            let here = self.value.infer(parameters, &s.here, n, &mut self.workspace);
+            let here = self
+                .value
+                .infer(parameters, &s.here, n, &mut self.workspace);
             for (advantage, value) in s.advantage.iter_mut().zip(here) {
                 *advantage -= 0.5 * value;
             }
@@ -247,12 +274,18 @@ impl Low {
         s.gradient.resize(self.values[0].len(), 0.0);
         let scale = 1.0 / n as f32;
         for i in 0..2 {
-            let values = self.value.forward(&self.values[i], &s.here, n, &mut self.workspace);
+            let values = self
+                .value
+                .forward(&self.values[i], &s.here, n, &mut self.workspace);
             s.output_gradient.clear();
             for row in 0..n {
                 let error = values[row] - s.targets[i][row];
                 let tau = self.settings.expectile;
-                let weight = if s.advantage[row] < 0.0 { 1.0 - tau } else { tau };
+                let weight = if s.advantage[row] < 0.0 {
+                    1.0 - tau
+                } else {
+                    tau
+                };
                 losses.value_loss += 0.5 * scale * weight * error * error;
                 s.output_gradient.push(2.0 * scale * weight * error);
             }
@@ -267,7 +300,11 @@ impl Low {
                 None,
             );
             self.value_adams[i].step(&mut self.values[i], &s.gradient);
-            polyak(&mut self.targets[i], &self.values[i], self.settings.target_rate);
+            polyak(
+                &mut self.targets[i],
+                &self.values[i],
+                self.settings.target_rate,
+            );
         }
     }
 
@@ -302,8 +339,12 @@ impl Low {
                 }
             }
         }
-        let means =
-            self.policy.mlp.forward(&self.weights, &s.policy_input, n, &mut self.policy_workspace);
+        let means = self.policy.mlp.forward(
+            &self.weights,
+            &s.policy_input,
+            n,
+            &mut self.policy_workspace,
+        );
         s.output_gradient.clear();
         for row in 0..n {
             let weight = (self.settings.inverse_temperature * s.advantage[row])
@@ -317,7 +358,8 @@ impl Low {
             }
         }
         s.gradient.clear();
-        s.gradient.resize(self.weights.len().max(self.values[0].len()), 0.0);
+        s.gradient
+            .resize(self.weights.len().max(self.values[0].len()), 0.0);
         self.policy.mlp.backward(
             &self.weights,
             &s.policy_input,
@@ -379,7 +421,10 @@ mod tests {
                     action,
                     next,
                     latent: &[0.0, 0.0],
-                    subgoal: Subgoal { place: *goal, latent: &[1.0, 0.0] },
+                    subgoal: Subgoal {
+                        place: *goal,
+                        latent: &[1.0, 0.0],
+                    },
                     value_goal: *goal,
                 })
                 .collect();
@@ -396,6 +441,9 @@ mod tests {
             }
         }
         let speed = policy_error.0 / policy_error.1;
-        assert!(speed > 0.3, "the mean speed towards the goal is {speed}; the data's is 0");
+        assert!(
+            speed > 0.3,
+            "the mean speed towards the goal is {speed}; the data's is 0"
+        );
     }
 }

@@ -195,13 +195,20 @@ impl Navigator {
         } else if let Some(edge) = &mut self.edge {
             edge.steps += 1;
         }
-        let subgoal = if at_goal { None } else { self.edge.map(|edge| edge.to) };
+        let subgoal = if at_goal {
+            None
+        } else {
+            self.edge.map(|edge| edge.to)
+        };
         let target = match subgoal {
             Some(to) => Subgoal {
                 place: self.graph.places[to as usize],
                 latent: self.graph.latent(to),
             },
-            None => Subgoal { place: self.goal, latent: &self.goal_latent },
+            None => Subgoal {
+                place: self.goal,
+                latent: &self.goal_latent,
+            },
         };
         let place = target.place;
         self.input.clear();
@@ -209,7 +216,14 @@ impl Navigator {
         let frame = policy.input(observation, &latent, target, &mut self.input);
         let mean = policy.act(weights, &self.input, 1, &mut self.low_workspace);
         let action = frame.to_actuators(mean);
-        Decision { action, node, subgoal, place, outcome, chosen }
+        Decision {
+            action,
+            node,
+            subgoal,
+            place,
+            outcome,
+            chosen,
+        }
     }
 
     /// How the choice under way ended, if it did.
@@ -224,7 +238,11 @@ impl Navigator {
         if !reached {
             self.given_up.push((edge.from, edge.to));
         }
-        Some(Outcome { from: edge.from, to: edge.to, reached })
+        Some(Outcome {
+            from: edge.from,
+            to: edge.to,
+            reached,
+        })
     }
 
     fn choose(&mut self, node: u32, choosing: Choosing, rng: &mut impl Rng) -> Option<Chosen> {
@@ -240,11 +258,16 @@ impl Navigator {
             }
         };
         self.probabilities = probabilities;
-        let chosen = Chosen { subgoal: to, log_prob };
+        let chosen = Chosen {
+            subgoal: to,
+            log_prob,
+        };
         if choosing == Choosing::Greedy {
             // Look further along the plan, but only where the data went in one segment.
             for _ in 1..self.settings.look_ahead {
-                let next = self.pick(to, &[], Choosing::Greedy, rng).map(|(next, ..)| next);
+                let next = self
+                    .pick(to, &[], Choosing::Greedy, rng)
+                    .map(|(next, ..)| next);
                 let usable = |next: &u32| {
                     *next != node
                         && self.graph.edge(node, *next).is_some()
@@ -256,11 +279,19 @@ impl Navigator {
                 }
             }
         }
-        let steps = self.graph.edge(node, to).map_or(1.0, |edge| edge.mean_steps);
+        let steps = self
+            .graph
+            .edge(node, to)
+            .map_or(1.0, |edge| edge.mean_steps);
         let limit = (self.settings.timeout_factor * steps).ceil() as usize;
         // Short edges too need the time to turn round.
         let limit = limit.max(15).min(self.settings.max_edge_steps);
-        self.edge = Some(Edge { from: node, to, steps: 0, limit });
+        self.edge = Some(Edge {
+            from: node,
+            to,
+            steps: 0,
+            limit,
+        });
         Some(chosen)
     }
 
@@ -287,6 +318,10 @@ impl Navigator {
         };
         let nodes = self.allowed.iter().map(|to| *to as u32);
         let probabilities = nodes.zip(masked.probabilities()).collect();
-        Some((self.allowed[picked] as u32, masked.log_prob(picked), probabilities))
+        Some((
+            self.allowed[picked] as u32,
+            masked.log_prob(picked),
+            probabilities,
+        ))
     }
 }

@@ -97,7 +97,11 @@ pub fn advantages(
 ) {
     let mut following = 0.0;
     for t in (0..rewards.len()).rev() {
-        let next = if ends[t] == End::Terminal { 0.0 } else { discount * next_values[t] };
+        let next = if ends[t] == End::Terminal {
+            0.0
+        } else {
+            discount * next_values[t]
+        };
         let delta = rewards[t] + next - values[t];
         if ends[t] != End::Not {
             following = 0.0;
@@ -136,7 +140,8 @@ pub fn estimate(
         if steps == 0 {
             continue;
         }
-        out.next_values.extend_from_slice(&values[record.start + 1..record.end]);
+        out.next_values
+            .extend_from_slice(&values[record.start + 1..record.end]);
         out.next_values.push(last);
         advantages(
             &rewards[record.clone()],
@@ -149,7 +154,12 @@ pub fn estimate(
         );
     }
     out.returns.clear();
-    out.returns.extend(values.iter().zip(&out.advantages).map(|(value, gain)| value + gain));
+    out.returns.extend(
+        values
+            .iter()
+            .zip(&out.advantages)
+            .map(|(value, gain)| value + gain),
+    );
     normalise(&mut out.advantages);
 }
 
@@ -191,7 +201,10 @@ pub fn epochs(
             }
             let report = step(minibatch);
             total.add(&report);
-            if settings.target_kl.is_some_and(|limit| report.kl > 1.5 * limit) {
+            if settings
+                .target_kl
+                .is_some_and(|limit| report.kl > 1.5 * limit)
+            {
                 break 'epochs;
             }
         }
@@ -223,7 +236,15 @@ mod tests {
     fn an_end_inside_a_sequence_cuts_the_estimate() {
         let mut out = [0.0; 2];
         let ends = [End::Terminal, End::Terminal];
-        advantages(&[0.0, 100.0], &[0.0; 2], &[0.0; 2], &ends, 0.9, 0.9, &mut out);
+        advantages(
+            &[0.0, 100.0],
+            &[0.0; 2],
+            &[0.0; 2],
+            &ends,
+            0.9,
+            0.9,
+            &mut out,
+        );
         assert_eq!(out[0], 0.0);
     }
 

@@ -57,7 +57,11 @@ impl Shape {
     #[must_use]
     pub fn new(latent: usize, hidden: &[usize]) -> Self {
         let mlp = |inputs: usize, outputs: usize| {
-            Mlp::new(&[&[inputs], hidden, &[outputs]].concat(), Activation::Gelu, false)
+            Mlp::new(
+                &[&[inputs], hidden, &[outputs]].concat(),
+                Activation::Gelu,
+                false,
+            )
         };
         Self {
             encoder: mlp(CONDITION + PLACE, 2 * latent),
@@ -130,11 +134,15 @@ impl Encoder {
             self.input.clear();
             for place in places.by_ref().take(CHUNK) {
                 self.input.extend([0.0, 0.0, 1.0]);
-                self.input.extend((0..PLACE).map(|k| (place[k] - norm[k]) / norm[PLACE + k]));
+                self.input
+                    .extend((0..PLACE).map(|k| (place[k] - norm[k]) / norm[PLACE + k]));
             }
             let rows = self.input.len() / (CONDITION + PLACE);
             let workspace = &mut self.encoder_workspace;
-            let out = self.shape.encoder.infer(parameters, &self.input, rows, workspace);
+            let out = self
+                .shape
+                .encoder
+                .infer(parameters, &self.input, rows, workspace);
             for row in out.chunks_exact(2 * self.shape.latent).take(rows) {
                 latents.extend_from_slice(&row[..self.shape.latent]);
             }
@@ -164,7 +172,10 @@ impl Encoder {
             }
             let rows = chunk.len() / self.shape.latent;
             let workspace = &mut self.decoder_workspace;
-            let out = self.shape.decoder.infer(parameters, &self.input, rows, workspace);
+            let out = self
+                .shape
+                .decoder
+                .infer(parameters, &self.input, rows, workspace);
             for row in out.chunks_exact(PLACE).take(rows) {
                 places.push(std::array::from_fn(|k| row[k] * norm[PLACE + k] + norm[k]));
             }
@@ -232,8 +243,12 @@ impl Vae {
         self.scratch.noise.clear();
         self.scratch.null.clear();
         for _ in pairs {
-            self.scratch.noise.extend((0..dz).map(|_| -> f32 { StandardNormal.sample(rng) }));
-            self.scratch.null.push(rng.random::<f32>() < self.settings.null_condition);
+            self.scratch
+                .noise
+                .extend((0..dz).map(|_| -> f32 { StandardNormal.sample(rng) }));
+            self.scratch
+                .null
+                .push(rng.random::<f32>() < self.settings.null_condition);
         }
         self.gradient.fill(0.0);
         let losses = self.losses(pairs);
@@ -251,8 +266,7 @@ impl Vae {
         let (decoder, prior) = rest.split_at(ends[1] - ends[0]);
         let [encoder_ws, decoder_ws, prior_ws] = &mut self.workspaces;
         let s = &mut self.scratch;
-        let standard =
-            |place: [f32; 2]| [0, 1].map(|k| (place[k] - norm[k]) / norm[PLACE + k]);
+        let standard = |place: [f32; 2]| [0, 1].map(|k| (place[k] - norm[k]) / norm[PLACE + k]);
 
         s.conditions.clear();
         s.targets.clear();
@@ -265,18 +279,23 @@ impl Vae {
             s.encoder_input.extend(standard(to));
             s.targets.extend(standard(to));
         }
-        let posterior = self.shape.encoder.forward(encoder, &s.encoder_input, n, encoder_ws);
+        let posterior = self
+            .shape
+            .encoder
+            .forward(encoder, &s.encoder_input, n, encoder_ws);
         let rho = self.shape.prior.forward(prior, &s.conditions, n, prior_ws);
         s.decoder_input.clear();
         for row in 0..n {
             s.decoder_input
                 .extend_from_slice(&s.conditions[row * CONDITION..(row + 1) * CONDITION]);
             let q = &posterior[row * 2 * dz..(row + 1) * 2 * dz];
-            s.decoder_input.extend(
-                (0..dz).map(|k| q[k] + clamp(q[dz + k]).exp() * s.noise[row * dz + k]),
-            );
+            s.decoder_input
+                .extend((0..dz).map(|k| q[k] + clamp(q[dz + k]).exp() * s.noise[row * dz + k]));
         }
-        let decoded = self.shape.decoder.forward(decoder, &s.decoder_input, n, decoder_ws);
+        let decoded = self
+            .shape
+            .decoder
+            .forward(decoder, &s.decoder_input, n, decoder_ws);
         let mut losses = Losses::default();
         let scale = 1.0 / n as f32;
         s.place_gradient.clear();
@@ -310,19 +329,25 @@ impl Vae {
                 let (m1, raw1) = (posterior[at + k], posterior[at + dz + k]);
                 let l1 = clamp(raw1);
                 // Without a condition the prior is the standard normal and is not trained.
-                let (m2, l2) =
-                    if s.null[row] { (0.0, 0.0) } else { (rho[at + k], clamp(rho[at + dz + k])) };
+                let (m2, l2) = if s.null[row] {
+                    (0.0, 0.0)
+                } else {
+                    (rho[at + k], clamp(rho[at + dz + k]))
+                };
                 let (v1, v2) = ((2.0 * l1).exp(), (2.0 * l2).exp());
                 let gap = m1 - m2;
                 losses.kl += scale * (l2 - l1 + (v1 + gap * gap) / (2.0 * v2) - 0.5);
                 let z_gradient = s.decoder_input_gradient[row * (CONDITION + dz) + CONDITION + k];
                 // The null pairs have no prior to train: all of their KL is the posterior's.
-                let share = if s.null[row] { beta } else { beta * (1.0 - kappa) };
+                let share = if s.null[row] {
+                    beta
+                } else {
+                    beta * (1.0 - kappa)
+                };
                 let inside = f32::from(u8::from(LOG_STD.contains(&raw1)));
                 s.posterior_gradient[at + k] = z_gradient + share * gap / v2;
                 s.posterior_gradient[at + dz + k] = inside
-                    * (z_gradient * l1.exp() * s.noise[row * dz + k]
-                        + share * (v1 / v2 - 1.0));
+                    * (z_gradient * l1.exp() * s.noise[row * dz + k] + share * (v1 / v2 - 1.0));
                 if !s.null[row] {
                     let inside = f32::from(u8::from(LOG_STD.contains(&rho[at + dz + k])));
                     s.prior_gradient[at + k] = -beta * kappa * gap / v2;
@@ -380,7 +405,10 @@ mod tests {
         (0..n)
             .map(|_| {
                 let from = [rng.random_range(-8.0..8.0), rng.random_range(-8.0..8.0_f32)];
-                (from, from.map(|axis| axis + rng.random_range(-2.0..2.0_f32)))
+                (
+                    from,
+                    from.map(|axis| axis + rng.random_range(-2.0..2.0_f32)),
+                )
             })
             .collect()
     }
@@ -411,8 +439,10 @@ mod tests {
             (ends[0]..ends[1], 0.0),
             (ends[1]..ends[2], 0.5 * 0.7),
         ] {
-            let direction: Vec<f32> =
-                range.clone().map(|_| rng.random_range(-1.0..1.0_f32)).collect();
+            let direction: Vec<f32> = range
+                .clone()
+                .map(|_| rng.random_range(-1.0..1.0_f32))
+                .collect();
             let analytic: f64 = range
                 .clone()
                 .zip(&direction)

@@ -21,7 +21,9 @@ impl Policy {
     #[must_use]
     pub fn new(hidden: &[usize]) -> Self {
         let sizes = [&[EGOCENTRIC], hidden, &[ACTION]].concat();
-        Self { mlp: Mlp::new(&sizes, Activation::Tanh, false) }
+        Self {
+            mlp: Mlp::new(&sizes, Activation::Tanh, false),
+        }
     }
 
     /// The network.
@@ -51,7 +53,12 @@ impl Policy {
         batch: usize,
         workspace: &'w mut Workspace,
     ) -> &'w [f32] {
-        self.mlp.infer(&weights[..self.mlp.parameters()], features, batch, workspace)
+        self.mlp.infer(
+            &weights[..self.mlp.parameters()],
+            features,
+            batch,
+            workspace,
+        )
     }
 
     /// The log standard deviations within flat weights.
@@ -193,8 +200,12 @@ impl Learner {
         out.clear();
         for chunk in features.chunks(self.settings.minibatch * EGOCENTRIC) {
             let rows = chunk.len() / EGOCENTRIC;
-            let values =
-                self.value.infer(&self.value_parameters, chunk, rows, &mut self.value_workspace);
+            let values = self.value.infer(
+                &self.value_parameters,
+                chunk,
+                rows,
+                &mut self.value_workspace,
+            );
             out.extend_from_slice(&values[..rows]);
         }
     }
@@ -247,7 +258,10 @@ impl Learner {
         error.resize(n, 0.0);
 
         let (parameters, log_std) = self.weights.split_at(network);
-        let means = self.policy.mlp().forward(parameters, features, n, &mut self.policy_workspace);
+        let means = self
+            .policy
+            .mlp()
+            .forward(parameters, features, n, &mut self.policy_workspace);
         let mut report = Report::default();
         for (row, &i) in minibatch.iter().enumerate() {
             let mean = &means[row * ACTION..(row + 1) * ACTION];
@@ -258,8 +272,12 @@ impl Learner {
                 log_prob -= 0.5 * noise * noise + log_std[k] + 0.5 * LOG_TAU;
             }
             let behaviour = batch.log_probs[i];
-            let (loss, gradient, clipped) =
-                ppo::surrogate(log_prob, behaviour, estimate.advantages[i], self.settings.clip);
+            let (loss, gradient, clipped) = ppo::surrogate(
+                log_prob,
+                behaviour,
+                estimate.advantages[i],
+                self.settings.clip,
+            );
             for k in 0..ACTION {
                 let std = log_std[k].exp();
                 let noise = (action[k] - mean[k]) / std;
@@ -294,7 +312,9 @@ impl Learner {
         }
 
         let value_parameters = &mut self.value_parameters;
-        let values = self.value.forward(value_parameters, features, n, &mut self.value_workspace);
+        let values = self
+            .value
+            .forward(value_parameters, features, n, &mut self.value_workspace);
         for (row, &i) in minibatch.iter().enumerate() {
             let difference = values[row] - estimate.returns[i];
             report.value_loss += scale * difference * difference;
@@ -348,13 +368,18 @@ mod tests {
             batch.clear();
             let mut workspace = learner.policy().mlp().workspace(1);
             for _ in 0..512 {
-                let features: Vec<f32> =
-                    (0..EGOCENTRIC).map(|_| rng.random_range(-1.0..1.0)).collect();
+                let features: Vec<f32> = (0..EGOCENTRIC)
+                    .map(|_| rng.random_range(-1.0..1.0))
+                    .collect();
                 let mut action = [0.0; ACTION];
                 let policy = learner.policy();
                 let mean = policy.mean(&learner.weights, &features, 1, &mut workspace);
-                let log_prob =
-                    sample(mean, policy.log_std(&learner.weights), &mut rng, &mut action);
+                let log_prob = sample(
+                    mean,
+                    policy.log_std(&learner.weights),
+                    &mut rng,
+                    &mut action,
+                );
                 let target = best(&features);
                 let reward = -action.iter().map(|a| (a - target).powi(2)).sum::<f32>();
                 batch.features.extend_from_slice(&features);
@@ -369,6 +394,9 @@ mod tests {
             learner.update(&batch, &mut rng);
         }
         let (first, last) = (rewards[0], rewards[rewards.len() - 1]);
-        assert!(last > 0.5 * first, "mean reward went from {first} to {last}");
+        assert!(
+            last > 0.5 * first,
+            "mean reward went from {first} to {last}"
+        );
     }
 }

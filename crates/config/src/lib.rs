@@ -20,12 +20,21 @@ impl Config {
         let origin = path.display().to_string();
         match std::fs::read_to_string(path) {
             Ok(text) => {
-                let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+                let stem = path
+                    .file_stem()
+                    .map(|stem| stem.to_string_lossy().into_owned());
                 Self::parse(&text, &origin, &stem.unwrap_or_default(), sets)
             }
             Err(error) => {
                 let message = format!("cannot be read: {error}");
-                Err(Faults { origin, faults: vec![Fault { line: 1, key: String::new(), message }] })
+                Err(Faults {
+                    origin,
+                    faults: vec![Fault {
+                        line: 1,
+                        key: String::new(),
+                        message,
+                    }],
+                })
             }
         }
     }
@@ -56,7 +65,10 @@ impl Config {
         if document.faults.is_empty() {
             Ok(config)
         } else {
-            Err(Faults { origin: origin.to_owned(), faults: document.faults })
+            Err(Faults {
+                origin: origin.to_owned(),
+                faults: document.faults,
+            })
         }
     }
 
@@ -69,9 +81,12 @@ impl Config {
     /// A hash of the resolved file (FNV-1a, 16 hexadecimal digits).
     #[must_use]
     pub fn hash(&self) -> String {
-        let hash = self.resolved.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-        });
+        let hash = self
+            .resolved
+            .bytes()
+            .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+                (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+            });
         format!("{hash:016x}")
     }
 }

@@ -101,10 +101,17 @@ impl Value for String {
 impl<T: Value> Value for Vec<T> {
     const NAME: &'static str = "a list";
     fn read(value: &DeValue<'_>) -> Option<Self> {
-        value.as_array()?.iter().map(|item| T::read(item.get_ref())).collect()
+        value
+            .as_array()?
+            .iter()
+            .map(|item| T::read(item.get_ref()))
+            .collect()
     }
     fn write(&self) -> String {
-        format!("[{}]", self.iter().map(Value::write).collect::<Vec<_>>().join(", "))
+        format!(
+            "[{}]",
+            self.iter().map(Value::write).collect::<Vec<_>>().join(", ")
+        )
     }
 }
 
@@ -134,7 +141,11 @@ impl<'t> Document<'t> {
         for error in errors {
             let line = error.span().map_or(1, |span| document.line(span.start));
             let message = error.message().to_owned();
-            document.faults.push(Fault { line, key: String::new(), message });
+            document.faults.push(Fault {
+                line,
+                key: String::new(),
+                message,
+            });
         }
         for (path, line) in sets {
             match (DeTable::parse(line), path.split_once('.')) {
@@ -155,7 +166,11 @@ impl<'t> Document<'t> {
     }
 
     pub(crate) fn fault(&mut self, line: usize, key: &str, message: impl Into<String>) {
-        self.faults.push(Fault { line, key: key.to_owned(), message: message.into() });
+        self.faults.push(Fault {
+            line,
+            key: key.to_owned(),
+            message: message.into(),
+        });
     }
 
     /// Whether the file or `--set` has a table.
@@ -171,7 +186,11 @@ impl<'t> Document<'t> {
     ) -> T {
         self.tables.insert(name);
         self.resolved.push_str(&format!("[{name}]\n"));
-        let mut table = Table { document: self, name, known: vec![] };
+        let mut table = Table {
+            document: self,
+            name,
+            known: vec![],
+        };
         let result = read(&mut table);
         let known = table.known;
         self.resolved.push('\n');
@@ -179,7 +198,10 @@ impl<'t> Document<'t> {
         if let Some((key, value)) = self.root.get_key_value(name) {
             match value.get_ref().as_table() {
                 Some(found) => {
-                    for key in found.keys().filter(|key| !known.contains(&key.get_ref().as_ref())) {
+                    for key in found
+                        .keys()
+                        .filter(|key| !known.contains(&key.get_ref().as_ref()))
+                    {
                         let line = self.line(key.span().start);
                         strangers.push((line, key.get_ref().to_string()));
                     }
@@ -249,11 +271,20 @@ impl Table<'_, '_> {
     /// Line of a key (0 when it was set on the command line), or of the table, or 1.
     pub(crate) fn line(&self, key: &str) -> usize {
         let document = &*self.document;
-        if document.sets.iter().any(|(section, set, _)| section == self.name && set == key) {
+        if document
+            .sets
+            .iter()
+            .any(|(section, set, _)| section == self.name && set == key)
+        {
             return 0;
         }
-        let Some((table, found)) = document.root.get_key_value(self.name) else { return 1 };
-        let key = found.get_ref().as_table().and_then(|table| table.get_key_value(key));
+        let Some((table, found)) = document.root.get_key_value(self.name) else {
+            return 1;
+        };
+        let key = found
+            .get_ref()
+            .as_table()
+            .and_then(|table| table.get_key_value(key));
         document.line(key.map_or(table.span().start, |(key, _)| key.span().start))
     }
 
@@ -268,7 +299,11 @@ impl Table<'_, '_> {
     pub(crate) fn optional<T: Value>(&mut self, key: &'static str) -> Option<T> {
         self.known.push(key);
         let document = &*self.document;
-        let set = document.sets.iter().rev().find(|(table, k, _)| table == self.name && k == key);
+        let set = document
+            .sets
+            .iter()
+            .rev()
+            .find(|(table, k, _)| table == self.name && k == key);
         let value: Option<&Spanned<DeValue<'_>>> = match set {
             Some((_, _, table)) => table.get("value"),
             None => document
@@ -279,7 +314,9 @@ impl Table<'_, '_> {
         };
         let found = value?.get_ref();
         if let Some(read) = T::read(found) {
-            self.document.resolved.push_str(&format!("{key} = {}\n", read.write()));
+            self.document
+                .resolved
+                .push_str(&format!("{key} = {}\n", read.write()));
             return Some(read);
         }
         let message = format!("expected {}, found {}", T::NAME, describe(found));
@@ -338,16 +375,23 @@ impl Table<'_, '_> {
             if layers.is_empty() || layers.len() > 8 {
                 return Err(format!("{} layers; 1 to 8 are possible", layers.len()));
             }
-            layers.iter().try_for_each(|width| within(*width, [1, 4096]))
+            layers
+                .iter()
+                .try_for_each(|width| within(*width, [1, 4096]))
         })
     }
 }
 
-fn within<T: PartialOrd + fmt::Display + Copy>(value: T, [low, high]: [T; 2]) -> Result<(), String> {
+fn within<T: PartialOrd + fmt::Display + Copy>(
+    value: T,
+    [low, high]: [T; 2],
+) -> Result<(), String> {
     if value >= low && value <= high {
         return Ok(());
     }
-    Err(format!("{value} is out of range; {low} to {high} are possible"))
+    Err(format!(
+        "{value} is out of range; {low} to {high} are possible"
+    ))
 }
 
 fn describe(value: &DeValue<'_>) -> String {

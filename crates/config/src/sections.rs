@@ -234,6 +234,12 @@ pub struct WalkerTraining {
     pub maze_share: f64,
     /// Walking faster than this earns no more (m/s).
     pub top_speed: f64,
+    /// What a fall costs.
+    pub fall_cost: f64,
+    /// What a step costs on the side (a tilt of 90 degrees); upright it is free.
+    pub tilt_cost: f64,
+    /// Weights to start from; fresh ones when empty.
+    pub start: String,
     /// File that the trained walker is written to; empty for the run's folder alone.
     pub output: String,
 }
@@ -268,8 +274,16 @@ pub struct Config {
     pub(crate) resolved: String,
 }
 
-const OFFLINE_TABLES: [&str; 8] =
-    ["dataset", "collect", "encoder", "graph", "low", "high", "execution", "evaluation"];
+const OFFLINE_TABLES: [&str; 8] = [
+    "dataset",
+    "collect",
+    "encoder",
+    "graph",
+    "low",
+    "high",
+    "execution",
+    "evaluation",
+];
 
 pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
     let run = d.table("run", |t| {
@@ -283,7 +297,11 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         });
         let seed = t.count("seed", 0, [0, u32::MAX as usize]) as u64;
         let kind = t.word("kind", "offline", &["offline", "walker"]);
-        let kind = if kind == "walker" { Kind::Walker } else { Kind::Offline };
+        let kind = if kind == "walker" {
+            Kind::Walker
+        } else {
+            Kind::Offline
+        };
         Run { name, seed, kind }
     });
     let offline = run.kind == Kind::Offline;
@@ -291,7 +309,10 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         let layout = t.word("layout", "medium", &["umaze", "medium", "large", "custom"]);
         let rows: Vec<String> = t.value("rows", vec![], |_| Ok(()));
         if (layout == "custom") == rows.is_empty() {
-            t.fault("rows", "rows go with layout = \"custom\", and with no other");
+            t.fault(
+                "rows",
+                "rows go with layout = \"custom\", and with no other",
+            );
         }
         Maze { layout, rows }
     });
@@ -299,7 +320,10 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         let actors = t.count("actors", 2, [1, 32]);
         let max_actors = t.count("max_actors", 8.max(actors), [1, 64]);
         if max_actors < actors {
-            t.fault("max_actors", format!("{max_actors} is less than the {actors} actors"));
+            t.fault(
+                "max_actors",
+                format!("{max_actors} is less than the {actors} actors"),
+            );
         }
         Topology {
             actors,
@@ -310,7 +334,11 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         }
     });
     let has_collect = d.has("collect");
-    let dataset = if offline { read_dataset(d, has_collect) } else { String::new() };
+    let dataset = if offline {
+        read_dataset(d, has_collect)
+    } else {
+        String::new()
+    };
     let collect = (offline && has_collect).then(|| read_collect(d, &maze.layout));
     let encoder = read_encoder(d, offline);
     let graph = read_graph(d, offline);
@@ -319,7 +347,11 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
     let execution = read_execution(d, offline);
     let evaluation = read_evaluation(d, offline, &maze.layout);
     let walker = read_walker(d, !offline);
-    d.finish(if offline { &["walker"] } else { &OFFLINE_TABLES });
+    d.finish(if offline {
+        &["walker"]
+    } else {
+        &OFFLINE_TABLES
+    });
     Config {
         run,
         maze,
@@ -344,7 +376,11 @@ fn table<T>(
     name: &'static str,
     read: impl FnOnce(&mut crate::reader::Table<'_, '_>) -> T,
 ) -> T {
-    if wanted { d.table(name, read) } else { Document::new("", &[]).table(name, read) }
+    if wanted {
+        d.table(name, read)
+    } else {
+        Document::new("", &[]).table(name, read)
+    }
 }
 
 fn read_dataset(d: &mut Document<'_>, has_collect: bool) -> String {
@@ -353,7 +389,10 @@ fn read_dataset(d: &mut Document<'_>, has_collect: bool) -> String {
         if path.is_empty() {
             t.fault("path", "missing; name an HDF5 file in D4RL's layout");
         } else if !has_collect && !Path::new(&path).is_file() {
-            t.fault("path", format!("no file '{path}', and no [collect] table that would make it"));
+            t.fault(
+                "path",
+                format!("no file '{path}', and no [collect] table that would make it"),
+            );
         }
         path
     })
@@ -366,7 +405,10 @@ fn read_collect(d: &mut Document<'_>, layout: &str) -> Collect {
         let steps = if layout == "umaze" { 700 } else { 1000 };
         let episode_steps = t.count("episode_steps", steps, [50, 100_000]);
         if transitions < episode_steps {
-            t.fault("transitions", format!("fewer than the {episode_steps} of one episode"));
+            t.fault(
+                "transitions",
+                format!("fewer than the {episode_steps} of one episode"),
+            );
         }
         let walker: Option<String> = t.optional("walker");
         if let Some(path) = walker.as_ref().filter(|path| !Path::new(path).is_file()) {
@@ -468,7 +510,11 @@ fn read_execution(d: &mut Document<'_>, wanted: bool) -> Execution {
 fn read_evaluation(d: &mut Document<'_>, wanted: bool, layout: &str) -> Evaluation {
     table(d, wanted, "evaluation", |t| Evaluation {
         episodes: t.count("episodes", 100, [1, 1024]),
-        max_steps: t.count("max_steps", if layout == "umaze" { 700 } else { 1000 }, [1, 1_000_000]),
+        max_steps: t.count(
+            "max_steps",
+            if layout == "umaze" { 700 } else { 1000 },
+            [1, 1_000_000],
+        ),
         success_radius: t.number("success_radius", 0.5, [0.01, 10.0]),
         rollout_seconds: t.number("rollout_seconds", 15.0, [0.0, 86_400.0]),
         all_traces: t.value("all_traces", false, |_| Ok(())),
@@ -495,11 +541,19 @@ fn read_walker(d: &mut Document<'_>, wanted: bool) -> WalkerTraining {
             turn_every: t.number("turn_every", 60.0, [1.0, 100_000.0]),
             maze_share: t.number("maze_share", 0.5, [0.0, 1.0]),
             top_speed: t.number("top_speed", 2.0, [0.1, 10.0]),
+            fall_cost: t.number("fall_cost", 3.0, [0.0, 1000.0]),
+            tilt_cost: t.number("tilt_cost", 0.3, [0.0, 100.0]),
+            start: t.value("start", String::new(), |_| Ok(())),
             output: t.value("output", String::new(), |_| Ok(())),
         };
+        if !walker.start.is_empty() && !Path::new(&walker.start).is_file() {
+            t.fault("start", format!("no file '{}'", walker.start));
+        }
         if walker.minibatch > walker.batch {
-            let message =
-                format!("{} is more than the batch of {}", walker.minibatch, walker.batch);
+            let message = format!(
+                "{} is more than the batch of {}",
+                walker.minibatch, walker.batch
+            );
             t.fault("minibatch", message);
         }
         walker
@@ -545,7 +599,10 @@ mod tests {
         let text = "[dataset]\npath = \"nowhere.hdf5\"\n";
         let faults = parse(text).unwrap_err().faults;
         assert_eq!(faults.len(), 1);
-        assert_eq!((faults[0].line, faults[0].key.as_str()), (2, "dataset.path"));
+        assert_eq!(
+            (faults[0].line, faults[0].key.as_str()),
+            (2, "dataset.path")
+        );
         assert!(faults[0].message.contains("nowhere.hdf5"));
         assert!(parse(GOOD).is_ok());
     }
@@ -553,7 +610,12 @@ mod tests {
     #[test]
     fn syntax_errors_have_a_line() {
         let faults = parse("[run]\nseed = \n").unwrap_err().faults;
-        assert!(faults.iter().any(|fault| fault.key.is_empty() && fault.line == 2), "{faults:?}");
+        assert!(
+            faults
+                .iter()
+                .any(|fault| fault.key.is_empty() && fault.line == 2),
+            "{faults:?}"
+        );
     }
 
     #[test]
@@ -575,7 +637,10 @@ mod tests {
         let again = Config::parse(config.resolved(), "x.toml", "other", &[]).unwrap();
         assert_eq!(config, again);
         assert_eq!(config.hash(), again.hash());
-        assert_ne!(config.hash(), parse(&GOOD.replace('3', "4")).unwrap().hash());
+        assert_ne!(
+            config.hash(),
+            parse(&GOOD.replace('3', "4")).unwrap().hash()
+        );
     }
 
     #[test]

@@ -19,7 +19,11 @@ struct Reader<'p> {
 
 impl Reader<'_> {
     fn key(&self, key: &'static str, reason: impl ToString) -> DatasetError {
-        DatasetError::Key { path: self.path.to_path_buf(), key, reason: reason.to_string() }
+        DatasetError::Key {
+            path: self.path.to_path_buf(),
+            key,
+            reason: reason.to_string(),
+        }
     }
 
     fn has(&self, key: &str) -> bool {
@@ -33,7 +37,10 @@ impl Reader<'_> {
         rows: Option<usize>,
         width: usize,
     ) -> Result<Vec<f32>, DatasetError> {
-        let dataset = self.file.dataset(key).map_err(|error| self.key(key, error))?;
+        let dataset = self
+            .file
+            .dataset(key)
+            .map_err(|error| self.key(key, error))?;
         let shape = dataset.shape().map_err(|error| self.key(key, error))?;
         // Rewards come as (n,) and as (n, 1).
         let columns: u64 = shape.iter().skip(1).product();
@@ -43,7 +50,12 @@ impl Reader<'_> {
             let rows = rows.map_or("n".to_owned(), |rows| rows.to_string());
             let expected = format!("[{rows}, {width}]");
             let path = self.path.to_path_buf();
-            return Err(DatasetError::Shape { path, key, got: shape, expected });
+            return Err(DatasetError::Shape {
+                path,
+                key,
+                got: shape,
+                expected,
+            });
         }
         let values = dataset.read_f32().map_err(|error| self.key(key, error))?;
         if values.len() as u64 != found * columns {
@@ -67,15 +79,22 @@ impl Reader<'_> {
 pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
     let length = SystemFile::open(path)
         .and_then(|file| file.metadata())
-        .map_err(|source| DatasetError::Io { path: path.to_path_buf(), source })?
+        .map_err(|source| DatasetError::Io {
+            path: path.to_path_buf(),
+            source,
+        })?
         .len();
-    let format =
-        |reason: String| DatasetError::Format { path: path.to_path_buf(), reason };
+    let format = |reason: String| DatasetError::Format {
+        path: path.to_path_buf(),
+        reason,
+    };
     let file = File::open(path)
         .map_err(|error| format(format!("not an HDF5 file that can be read: {error}")))?;
     let whole = file.superblock().eof_address;
     if length < whole {
-        return Err(format(format!("cut off: {length} of {whole} bytes are there")));
+        return Err(format(format!(
+            "cut off: {length} of {whole} bytes are there"
+        )));
     }
     let reader = Reader { path, file };
     let observations = reader.values("observations", None, OBSERVATION)?;
@@ -83,7 +102,12 @@ pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
     let actions = reader.values("actions", Some(n), ACTION)?;
     let rewards = reader.values("rewards", Some(n), 1)?;
     reader.values("terminals", Some(n), 1)?;
-    let place = |row: usize| [observations[row * OBSERVATION], observations[row * OBSERVATION + 1]];
+    let place = |row: usize| {
+        [
+            observations[row * OBSERVATION],
+            observations[row * OBSERVATION + 1],
+        ]
+    };
     let ends: Vec<usize> = if reader.has("timeouts") {
         let timeouts = reader.values("timeouts", Some(n), 1)?;
         (0..n).filter(|row| timeouts[*row] > 0.0).collect()
@@ -112,7 +136,13 @@ pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
     } else {
         vec![]
     };
-    Ok(Dataset { observations, actions, rewards, episodes, goals })
+    Ok(Dataset {
+        observations,
+        actions,
+        rewards,
+        episodes,
+        goals,
+    })
 }
 
 /// Rows to write; all arrays flat.
@@ -149,12 +179,23 @@ pub fn write(path: &Path, rows: &Rows<'_>) -> Result<(), DatasetError> {
     let floats = |builder: &mut FileBuilder, name: &str, values: &[f32], width: u64| {
         let dataset = builder.create_dataset(name).with_f32_data(values);
         if width == 0 {
-            dataset.with_shape(&[n]).with_chunks(&[chunk]).with_deflate(1);
+            dataset
+                .with_shape(&[n])
+                .with_chunks(&[chunk])
+                .with_deflate(1);
         } else {
-            dataset.with_shape(&[n, width]).with_chunks(&[chunk, width]).with_deflate(1);
+            dataset
+                .with_shape(&[n, width])
+                .with_chunks(&[chunk, width])
+                .with_deflate(1);
         }
     };
-    floats(&mut builder, "observations", rows.observations, OBSERVATION as u64);
+    floats(
+        &mut builder,
+        "observations",
+        rows.observations,
+        OBSERVATION as u64,
+    );
     floats(&mut builder, "actions", rows.actions, ACTION as u64);
     floats(&mut builder, "rewards", rows.rewards, 0);
     for (name, values) in [("terminals", rows.terminals), ("timeouts", rows.timeouts)] {
@@ -167,18 +208,31 @@ pub fn write(path: &Path, rows: &Rows<'_>) -> Result<(), DatasetError> {
                 path: path.to_path_buf(),
                 reason: format!("cannot be written: {error}"),
             })?;
-        let dataset = builder.create_dataset(name).with_enum_u8_data(bools, values);
-        dataset.with_shape(&[n]).with_chunks(&[chunk]).with_deflate(1);
+        let dataset = builder
+            .create_dataset(name)
+            .with_enum_u8_data(bools, values);
+        dataset
+            .with_shape(&[n])
+            .with_chunks(&[chunk])
+            .with_deflate(1);
     }
     let mut infos = builder.create_group("infos");
-    for (name, values, width) in
-        [("goal", rows.goals, 2), ("qpos", rows.qpos, 15), ("qvel", rows.qvel, 14)]
-    {
+    for (name, values, width) in [
+        ("goal", rows.goals, 2),
+        ("qpos", rows.qpos, 15),
+        ("qvel", rows.qvel, 14),
+    ] {
         let dataset = infos.create_dataset(name).with_f32_data(values);
-        dataset.with_shape(&[n, width]).with_chunks(&[chunk, width]).with_deflate(1);
+        dataset
+            .with_shape(&[n, width])
+            .with_chunks(&[chunk, width])
+            .with_deflate(1);
     }
     builder.add_group(infos.finish());
-    let io = |source| DatasetError::Io { path: path.to_path_buf(), source };
+    let io = |source| DatasetError::Io {
+        path: path.to_path_buf(),
+        source,
+    };
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).map_err(io)?;
     }
@@ -187,7 +241,9 @@ pub fn write(path: &Path, rows: &Rows<'_>) -> Result<(), DatasetError> {
         path: path.to_path_buf(),
         reason: format!("cannot be written: {error}"),
     })?;
-    SystemFile::open(&part).and_then(|file| file.sync_all()).map_err(io)?;
+    SystemFile::open(&part)
+        .and_then(|file| file.sync_all())
+        .map_err(io)?;
     fs::rename(&part, path).map_err(io)
 }
 
@@ -198,8 +254,9 @@ mod tests {
     /// Three episodes of four rows.
     fn written(folder: &Path, damage: impl FnOnce(&mut Vec<f32>)) -> std::path::PathBuf {
         let n = 12;
-        let mut observations: Vec<f32> =
-            (0..n * OBSERVATION).map(|i| (i % 97) as f32 * 0.01).collect();
+        let mut observations: Vec<f32> = (0..n * OBSERVATION)
+            .map(|i| (i % 97) as f32 * 0.01)
+            .collect();
         damage(&mut observations);
         let timeouts: Vec<u8> = (0..n).map(|row| u8::from(row % 4 == 3)).collect();
         let path = folder.join("small.hdf5");
@@ -221,7 +278,10 @@ mod tests {
     fn what_is_written_is_read() {
         let folder = tempfile::tempdir().unwrap();
         let data = read(&written(folder.path(), |_| {})).unwrap();
-        assert_eq!((data.len(), data.episodes.as_slice()), (12, &[0..4, 4..8, 8..12][..]));
+        assert_eq!(
+            (data.len(), data.episodes.as_slice()),
+            (12, &[0..4, 4..8, 8..12][..])
+        );
         assert_eq!(data.goals[5], [3.0, 3.0]);
         assert_eq!(data.observation(1)[0], 0.29);
         assert_eq!(data.action(3), [0.5; 8]);
@@ -233,7 +293,14 @@ mod tests {
         let path = written(folder.path(), |o| o[3 * OBSERVATION + 7] = f32::NAN);
         let error = read(&path).unwrap_err();
         assert!(
-            matches!(error, DatasetError::NotFinite { key: "observations", row: 3, .. }),
+            matches!(
+                error,
+                DatasetError::NotFinite {
+                    key: "observations",
+                    row: 3,
+                    ..
+                }
+            ),
             "{error}"
         );
     }
@@ -245,16 +312,34 @@ mod tests {
         let with = |width: u64, actions: bool| {
             let mut builder = FileBuilder::new();
             let zeros = vec![0.0_f32; 2 * width as usize];
-            builder.create_dataset("observations").with_f32_data(&zeros).with_shape(&[2, width]);
+            builder
+                .create_dataset("observations")
+                .with_f32_data(&zeros)
+                .with_shape(&[2, width]);
             if actions {
-                builder.create_dataset("actions").with_f32_data(&[0.0; 24]).with_shape(&[3, 8]);
+                builder
+                    .create_dataset("actions")
+                    .with_f32_data(&[0.0; 24])
+                    .with_shape(&[3, 8]);
             }
             builder.write(&path).unwrap();
             read(&path).unwrap_err()
         };
-        assert!(matches!(with(29, false), DatasetError::Key { key: "actions", .. }));
-        assert!(matches!(with(27, false), DatasetError::Shape { key: "observations", .. }));
-        assert!(matches!(with(29, true), DatasetError::Shape { key: "actions", .. }));
+        assert!(matches!(
+            with(29, false),
+            DatasetError::Key { key: "actions", .. }
+        ));
+        assert!(matches!(
+            with(27, false),
+            DatasetError::Shape {
+                key: "observations",
+                ..
+            }
+        ));
+        assert!(matches!(
+            with(29, true),
+            DatasetError::Shape { key: "actions", .. }
+        ));
         let none = read(&folder.path().join("none.hdf5")).unwrap_err();
         assert!(matches!(none, DatasetError::Io { .. }));
     }

@@ -116,7 +116,10 @@ impl Dataset {
     /// Place of the torso in a row (m).
     #[must_use]
     pub fn place(&self, row: usize) -> [f32; 2] {
-        [self.observations[row * OBSERVATION], self.observations[row * OBSERVATION + 1]]
+        [
+            self.observations[row * OBSERVATION],
+            self.observations[row * OBSERVATION + 1],
+        ]
     }
 
     /// Places of all rows (m).
@@ -165,13 +168,19 @@ impl Starts {
             starts.push((episode.start, episode.end, total));
             total += episode.len() - lag;
         }
-        (total > 0).then_some(Self { episodes: starts, total })
+        (total > 0).then_some(Self {
+            episodes: starts,
+            total,
+        })
     }
 
     /// A row and the end of its episode.
     pub fn draw(&self, rng: &mut impl Rng) -> (usize, usize) {
         let pick = rng.random_range(0..self.total);
-        let at = self.episodes.partition_point(|(_, _, before)| *before <= pick) - 1;
+        let at = self
+            .episodes
+            .partition_point(|(_, _, before)| *before <= pick)
+            - 1;
         let (start, end, before) = self.episodes[at];
         (start + pick - before, end)
     }
@@ -196,7 +205,10 @@ mod tests {
         }
         let rows: Vec<usize> = (0..15).filter(|row| seen[*row] > 0).collect();
         assert_eq!(rows, [3, 4, 5, 10]);
-        assert!(rows.iter().all(|row| (850..1150).contains(&seen[*row])), "{seen:?}");
+        assert!(
+            rows.iter().all(|row| (850..1150).contains(&seen[*row])),
+            "{seen:?}"
+        );
         assert!(Starts::new(&[0..3], 3).is_none());
     }
 }

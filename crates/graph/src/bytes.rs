@@ -99,7 +99,10 @@ impl Graph {
         if cursor.take() != Some(*MAGIC) || cursor.u32() != Some(FORMAT) {
             return Err(GraphError::Format);
         }
-        let short = GraphError::Length { expected: HEADER, got: bytes.len() };
+        let short = GraphError::Length {
+            expected: HEADER,
+            got: bytes.len(),
+        };
         let counts = (cursor.take(), cursor.u32(), cursor.u32(), cursor.u32());
         let (Some(version), Some(dim), Some(nodes), Some(edges)) = counts else {
             return Err(short);
@@ -110,13 +113,21 @@ impl Graph {
         }
         let expected = HEADER + nodes * (4 * dim + 8) + 4 * (nodes + 1) + EDGE * edges;
         if bytes.len() != expected {
-            return Err(GraphError::Length { expected, got: bytes.len() });
+            return Err(GraphError::Length {
+                expected,
+                got: bytes.len(),
+            });
         }
         let read = |cursor: &mut Cursor<'_>| -> Option<Self> {
-            let latents = (0..nodes * dim).map(|_| cursor.f32()).collect::<Option<Vec<_>>>()?;
-            let places =
-                (0..nodes).map(|_| Some([cursor.f32()?, cursor.f32()?])).collect::<Option<_>>()?;
-            let offsets = (0..=nodes).map(|_| cursor.u32()).collect::<Option<Vec<_>>>()?;
+            let latents = (0..nodes * dim)
+                .map(|_| cursor.f32())
+                .collect::<Option<Vec<_>>>()?;
+            let places = (0..nodes)
+                .map(|_| Some([cursor.f32()?, cursor.f32()?]))
+                .collect::<Option<_>>()?;
+            let offsets = (0..=nodes)
+                .map(|_| cursor.u32())
+                .collect::<Option<Vec<_>>>()?;
             let edge = |_| {
                 Some(Edge {
                     to: cursor.u32()?,
@@ -128,7 +139,14 @@ impl Graph {
             };
             let edges = (0..edges).map(edge).collect::<Option<Vec<_>>>()?;
             let version = u64::from_le_bytes(version);
-            Some(Self { version, latent_dim: dim, latents, places, offsets, edges })
+            Some(Self {
+                version,
+                latent_dim: dim,
+                latents,
+                places,
+                offsets,
+                edges,
+            })
         };
         let graph = read(&mut cursor).ok_or(short)?;
         graph.check()?;
@@ -151,7 +169,11 @@ impl Graph {
                 && edge.mean_steps >= 0.0
                 && edge.reached <= edge.tried
         };
-        if self.edges.iter().all(good) { Ok(()) } else { Err(GraphError::Damaged("edges")) }
+        if self.edges.iter().all(good) {
+            Ok(())
+        } else {
+            Err(GraphError::Damaged("edges"))
+        }
     }
 
     /// Writes the graph's file beside, syncs and renames.
@@ -166,7 +188,10 @@ impl Graph {
             file.sync_all()?;
             fs::rename(&part, path)
         };
-        write().map_err(|source| GraphError::Io { path: path.display().to_string(), source })
+        write().map_err(|source| GraphError::Io {
+            path: path.display().to_string(),
+            source,
+        })
     }
 
     /// Reads a graph's file.
@@ -174,8 +199,10 @@ impl Graph {
     /// # Errors
     /// What the system refuses, or damage.
     pub fn load(path: &Path) -> Result<Self, GraphError> {
-        let bytes = fs::read(path)
-            .map_err(|source| GraphError::Io { path: path.display().to_string(), source })?;
+        let bytes = fs::read(path).map_err(|source| GraphError::Io {
+            path: path.display().to_string(),
+            source,
+        })?;
         Self::from_bytes(&bytes)
     }
 }

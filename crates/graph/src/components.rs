@@ -80,11 +80,16 @@ impl Graph {
             let edges = self.neighbours(node as u32).iter();
             rows.push(
                 edges
-                    .filter_map(|edge| number[edge.to as usize].map(|to| crate::Edge { to, ..*edge }))
+                    .filter_map(|edge| {
+                        number[edge.to as usize].map(|to| crate::Edge { to, ..*edge })
+                    })
                     .collect(),
             );
         }
-        Self { version: self.version, ..Self::assemble(self.latent_dim, latents, places, rows) }
+        Self {
+            version: self.version,
+            ..Self::assemble(self.latent_dim, latents, places, rows)
+        }
     }
 }
 

@@ -77,7 +77,11 @@ pub fn fit(points: &[f32], dim: usize, settings: &Settings) -> Result<Clusters, 
     let sample: Vec<f32> = if n > SUBSAMPLE {
         let mut order: Vec<usize> = (0..n).collect();
         let (chosen, _) = order.partial_shuffle(&mut rng, SUBSAMPLE);
-        chosen.iter().flat_map(|&i| &points[i * dim..(i + 1) * dim]).copied().collect()
+        chosen
+            .iter()
+            .flat_map(|&i| &points[i * dim..(i + 1) * dim])
+            .copied()
+            .collect()
     } else {
         points.to_vec()
     };
@@ -86,14 +90,23 @@ pub fn fit(points: &[f32], dim: usize, settings: &Settings) -> Result<Clusters, 
         Seeding::Random => {
             let mut order: Vec<usize> = (0..sample.len() / dim).collect();
             let (chosen, _) = order.partial_shuffle(&mut rng, k);
-            chosen.iter().flat_map(|&i| &sample[i * dim..(i + 1) * dim]).copied().collect()
+            chosen
+                .iter()
+                .flat_map(|&i| &sample[i * dim..(i + 1) * dim])
+                .copied()
+                .collect()
         }
     };
     if n > SUBSAMPLE {
         lloyd(&sample, dim, &mut centroids, settings);
     }
     let (assignment, inertia, iterations) = lloyd(points, dim, &mut centroids, settings);
-    Ok(Clusters { centroids, assignment, inertia, iterations })
+    Ok(Clusters {
+        centroids,
+        assignment,
+        inertia,
+        iterations,
+    })
 }
 
 fn squared(a: &[f32], b: &[f32]) -> f32 {
@@ -184,8 +197,10 @@ pub fn assign(
     distance: &mut [f32],
 ) {
     let k = centroids.len() / dim;
-    let norms: Vec<f32> =
-        centroids.chunks_exact(dim).map(|c| c.iter().map(|v| v * v).sum()).collect();
+    let norms: Vec<f32> = centroids
+        .chunks_exact(dim)
+        .map(|c| c.iter().map(|v| v * v).sum())
+        .collect();
     let mut products = vec![0.0; k * BLOCK];
     let blocks = points
         .chunks(BLOCK * dim)
@@ -234,7 +249,13 @@ mod tests {
     use super::*;
 
     fn settings(k: usize, seeding: Seeding) -> Settings {
-        Settings { k, seed: 0, iterations: 50, tolerance: 1e-5, seeding }
+        Settings {
+            k,
+            seed: 0,
+            iterations: 50,
+            tolerance: 1e-5,
+            seeding,
+        }
     }
 
     fn blobs(n: usize) -> Vec<f32> {
@@ -242,7 +263,10 @@ mod tests {
         (0..n)
             .flat_map(|i| {
                 let (x, y) = ((i % 5) as f32 * 10.0, (i % 3) as f32 * 10.0);
-                [x + rng.random_range(-1.0..1.0), y + rng.random_range(-1.0..1.0_f32)]
+                [
+                    x + rng.random_range(-1.0..1.0),
+                    y + rng.random_range(-1.0..1.0_f32),
+                ]
             })
             .collect()
     }
@@ -265,7 +289,11 @@ mod tests {
     fn plus_plus_beats_random_seeds() {
         let mean = |seeding| {
             let of = |seed| {
-                let settings = Settings { seed, iterations: 0, ..settings(15, seeding) };
+                let settings = Settings {
+                    seed,
+                    iterations: 0,
+                    ..settings(15, seeding)
+                };
                 fit(&blobs(900), 2, &settings).unwrap().inertia
             };
             (0..8).map(of).sum::<f64>()
@@ -289,7 +317,11 @@ mod tests {
         assign(&points, 2, &centroids, &mut assignment, &mut distance);
         for (i, point) in points.chunks(2).enumerate() {
             let (_, exact) = nearest(&centroids, 2, point);
-            assert!((exact - distance[i]).abs() < 1e-2, "{exact} {}", distance[i]);
+            assert!(
+                (exact - distance[i]).abs() < 1e-2,
+                "{exact} {}",
+                distance[i]
+            );
         }
     }
 }

@@ -69,11 +69,16 @@ impl Graph {
     #[must_use]
     pub fn latent(&self, node: u32) -> &[f32] {
         let start = node as usize * self.latent_dim;
-        self.latents.get(start..start + self.latent_dim).unwrap_or_default()
+        self.latents
+            .get(start..start + self.latent_dim)
+            .unwrap_or_default()
     }
 
     fn row(&self, node: u32) -> std::ops::Range<usize> {
-        match (self.offsets.get(node as usize), self.offsets.get(node as usize + 1)) {
+        match (
+            self.offsets.get(node as usize),
+            self.offsets.get(node as usize + 1),
+        ) {
             (Some(start), Some(end)) => *start as usize..*end as usize,
             _ => 0..0,
         }
@@ -129,7 +134,9 @@ impl Graph {
     #[must_use]
     pub fn coverage(&self, places: &[[f32; 2]], radius: f32) -> f32 {
         let near = |place: &[f32; 2]| {
-            self.places.iter().any(|node| (node[0] - place[0]).hypot(node[1] - place[1]) <= radius)
+            self.places
+                .iter()
+                .any(|node| (node[0] - place[0]).hypot(node[1] - place[1]) <= radius)
         };
         places.iter().filter(|place| near(place)).count() as f32 / places.len().max(1) as f32
     }
@@ -144,7 +151,11 @@ impl Graph {
             })
         };
         (0..self.len() as u32)
-            .flat_map(|node| self.neighbours(node).iter().map(move |edge| (node, edge.to)))
+            .flat_map(|node| {
+                self.neighbours(node)
+                    .iter()
+                    .map(move |edge| (node, edge.to))
+            })
             .filter(|&(from, to)| crosses(self.places[from as usize], self.places[to as usize]))
             .count()
     }
@@ -165,7 +176,14 @@ impl Graph {
             edges.extend_from_slice(row);
             offsets.push(edges.len() as u32);
         }
-        Self { version: 1, latent_dim, latents, places, offsets, edges }
+        Self {
+            version: 1,
+            latent_dim,
+            latents,
+            places,
+            offsets,
+            edges,
+        }
     }
 }
 

@@ -18,7 +18,9 @@ impl Graph {
             }
         }
         let mut distances = vec![f32::INFINITY; n];
-        let Some(start) = distances.get_mut(goal as usize) else { return distances };
+        let Some(start) = distances.get_mut(goal as usize) else {
+            return distances;
+        };
         *start = 0.0;
         // Non-negative floats order like their bits.
         let mut queue = BinaryHeap::from([Reverse((0_u32, goal))]);
@@ -46,9 +48,20 @@ pub(crate) mod tests {
     use super::*;
 
     pub(crate) fn ring(n: u32) -> Graph {
-        let edge = |to| Edge { to, count: 1, mean_steps: 3.0, tried: 0, reached: 0 };
+        let edge = |to| Edge {
+            to,
+            count: 1,
+            mean_steps: 3.0,
+            tried: 0,
+            reached: 0,
+        };
         let rows = (0..n).map(|i| vec![edge((i + 1) % n)]).collect();
-        Graph::assemble(2, vec![0.5; 2 * n as usize], vec![[0.0; 2]; n as usize], rows)
+        Graph::assemble(
+            2,
+            vec![0.5; 2 * n as usize],
+            vec![[0.0; 2]; n as usize],
+            rows,
+        )
     }
 
     proptest! {

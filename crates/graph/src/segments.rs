@@ -63,8 +63,14 @@ pub fn build(data: &Segments<'_>, dim: usize, centroids: &[f32], rule: &EdgeRule
             }
             // From the last row in the one node to the first in the other.
             let segment = &nodes[t..=t + rule.lag];
-            let entered = segment.iter().position(|node| *node == to).unwrap_or(rule.lag);
-            let left = segment[..entered].iter().rposition(|node| *node == from).unwrap_or(0);
+            let entered = segment
+                .iter()
+                .position(|node| *node == to)
+                .unwrap_or(rule.lag);
+            let left = segment[..entered]
+                .iter()
+                .rposition(|node| *node == from)
+                .unwrap_or(0);
             let tally = tallies.entry((from, to)).or_default();
             tally.count += 1;
             tally.steps += (entered - left) as f64;
@@ -107,11 +113,22 @@ mod tests {
 
     #[test]
     fn a_walk_there_and_back_links_its_nodes() {
-        let xs: Vec<f32> = (0..21).chain((0..20).rev()).map(|i| i as f32 * 0.1).collect();
+        let xs: Vec<f32> = (0..21)
+            .chain((0..20).rev())
+            .map(|i| i as f32 * 0.1)
+            .collect();
         let (latents, places) = line(&xs);
-        let data =
-            Segments { latents: &latents, places: &places, episodes: &[0..41], usable: &|_| true };
-        let rule = EdgeRule { lag: 5, min_count: 1, min_trajectories: 1 };
+        let data = Segments {
+            latents: &latents,
+            places: &places,
+            episodes: &[0..41],
+            usable: &|_| true,
+        };
+        let rule = EdgeRule {
+            lag: 5,
+            min_count: 1,
+            min_trajectories: 1,
+        };
         let graph = build(&data, 1, &[0.0, 1.0, 2.0], &rule);
         assert_eq!(graph.len(), 3);
         assert!(graph.edge(0, 1).is_some() && graph.edge(1, 0).is_some());
@@ -123,10 +140,18 @@ mod tests {
     #[test]
     fn segments_never_cross_an_episodes_end() {
         let (latents, places) = line(&[0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
-        let rule = EdgeRule { lag: 1, min_count: 1, min_trajectories: 1 };
+        let rule = EdgeRule {
+            lag: 1,
+            min_count: 1,
+            min_trajectories: 1,
+        };
         let of = |episodes: &[Range<usize>]| {
-            let data =
-                Segments { latents: &latents, places: &places, episodes, usable: &|_| true };
+            let data = Segments {
+                latents: &latents,
+                places: &places,
+                episodes,
+                usable: &|_| true,
+            };
             build(&data, 1, &[0.0, 1.0], &rule)
         };
         assert_eq!(of(&[0..6]).edges.len(), 2);

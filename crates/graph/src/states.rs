@@ -20,7 +20,12 @@ impl StateRule {
     /// 0.3 m in the next ten steps, upright.
     #[must_use]
     pub fn new(per_place: usize) -> Self {
-        Self { ahead: 10, least_way: 0.3, least_upright: 0.3, per_place }
+        Self {
+            ahead: 10,
+            least_way: 0.3,
+            least_upright: 0.3,
+            per_place,
+        }
     }
 }
 
@@ -53,7 +58,9 @@ pub fn select(
     let mut seen: HashMap<[i32; 2], usize> = HashMap::new();
     rows.retain(|&t| {
         let cell = cell(t);
-        let stride = visits.get(&cell).map_or(1, |count| count.div_ceil(rule.per_place.max(1)));
+        let stride = visits
+            .get(&cell)
+            .map_or(1, |count| count.div_ceil(rule.per_place.max(1)));
         let count = seen.entry(cell).or_default();
         *count += 1;
         (*count - 1) % stride == 0
@@ -68,13 +75,21 @@ mod tests {
     #[test]
     fn rest_and_backs_are_left_out_and_crowds_are_thinned() {
         // Walks 0.1 m a step for 100 steps, then stands for 100.
-        let places: Vec<[f32; 2]> =
-            (0..200).map(|t| [t.min(100) as f32 * 0.1 + 0.05, 0.2]).collect();
+        let places: Vec<[f32; 2]> = (0..200)
+            .map(|t| [t.min(100) as f32 * 0.1 + 0.05, 0.2])
+            .collect();
         let rule = StateRule::new(2);
-        let rows = select(&places, |t| if t < 20 { -1.0 } else { 1.0 }, &[0..200], &rule);
+        let rows = select(
+            &places,
+            |t| if t < 20 { -1.0 } else { 1.0 },
+            &[0..200],
+            &rule,
+        );
         assert!(rows.iter().all(|t| (20..98).contains(t)), "{rows:?}");
         let in_cell = |x: f32| {
-            rows.iter().filter(|t| (places[**t][0] / 0.5).floor() == (x / 0.5).floor()).count()
+            rows.iter()
+                .filter(|t| (places[**t][0] / 0.5).floor() == (x / 0.5).floor())
+                .count()
         };
         assert!((1..=2).contains(&in_cell(5.2)));
         assert!(select(&places, |_| 1.0, &[0..5], &rule).is_empty());

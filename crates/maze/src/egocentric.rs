@@ -39,7 +39,11 @@ fn turn_back(vector: [f32; 3], turns: usize) -> [f32; 3] {
 fn to_body(q: &[f32], v: [f32; 3]) -> [f32; 3] {
     let (w, u) = (q[0], [-q[1], -q[2], -q[3]]);
     let cross = |a: [f32; 3], b: [f32; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        [
+            a[1] * b[2] - a[2] * b[1],
+            a[2] * b[0] - a[0] * b[2],
+            a[0] * b[1] - a[1] * b[0],
+        ]
     };
     let t = cross(u, v).map(|c| 2.0 * c);
     let s = cross(u, t);
@@ -172,7 +176,9 @@ mod tests {
 
     #[test]
     fn turning_the_world_changes_no_feature() {
-        let mut o: Vec<f32> = (0..29).map(|i| ((i * 37 % 11) as f32 - 5.0) / 7.0).collect();
+        let mut o: Vec<f32> = (0..29)
+            .map(|i| ((i * 37 % 11) as f32 - 5.0) / 7.0)
+            .collect();
         let half = 0.35_f32;
         o[3..7].copy_from_slice(&[half.cos(), 0.6 * half.sin(), 0.0, 0.8 * half.sin()]);
         let mut turned = o.clone();
@@ -180,7 +186,10 @@ mod tests {
         let (c, (w, x, y, z)) = (0.5_f32.sqrt(), (o[3], o[4], o[5], o[6]));
         turned[3..7].copy_from_slice(&[c * (w - z), c * (x - y), c * (y + x), c * (z + w)]);
         turned[15..17].copy_from_slice(&[-o[16], o[15]]);
-        let (a, b) = (Egocentric::new(&o, [0.3, 0.9]), Egocentric::new(&turned, [-0.9, 0.3]));
+        let (a, b) = (
+            Egocentric::new(&o, [0.3, 0.9]),
+            Egocentric::new(&turned, [-0.9, 0.3]),
+        );
         for (i, (a, b)) in a.features.iter().zip(&b.features).enumerate() {
             assert!((a - b).abs() < 1e-5, "feature {i}: {a} {b}");
         }

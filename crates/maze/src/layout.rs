@@ -86,7 +86,10 @@ impl Layout {
             "umaze" => (&UMAZE, &[]),
             // Goal cells of D4RL's generation maps, which the `play` data aim at.
             "medium" => (&MEDIUM, &[(2, 6), (5, 1), (6, 5)]),
-            "large" => (&LARGE, &[(1, 6), (3, 5), (3, 10), (5, 2), (7, 4), (7, 6), (7, 9)]),
+            "large" => (
+                &LARGE,
+                &[(1, 6), (3, 5), (3, 10), (5, 2), (7, 4), (7, 6), (7, 9)],
+            ),
             _ => return Err(LayoutError::UnknownName(name.to_owned())),
         };
         let mut layout = Self::from_rows(rows)?;
@@ -101,13 +104,22 @@ impl Layout {
     /// # Errors
     /// Any [`LayoutError`]: ragged rows, unknown cells, no start, no goal, unreachable goal.
     pub fn from_rows<S: AsRef<str>>(rows: &[S]) -> Result<Self, LayoutError> {
-        let columns = rows.first().ok_or(LayoutError::Empty)?.as_ref().chars().count();
+        let columns = rows
+            .first()
+            .ok_or(LayoutError::Empty)?
+            .as_ref()
+            .chars()
+            .count();
         let mut walls = Vec::with_capacity(rows.len() * columns);
         let (mut starts, mut goals) = (vec![], vec![]);
         for (row, text) in rows.iter().enumerate() {
             let got = text.as_ref().chars().count();
             if got != columns {
-                return Err(LayoutError::Ragged { row, expected: columns, got });
+                return Err(LayoutError::Ragged {
+                    row,
+                    expected: columns,
+                    got,
+                });
             }
             for (column, cell) in text.as_ref().chars().enumerate() {
                 walls.push(cell == '1');
@@ -119,14 +131,26 @@ impl Layout {
                 }
             }
         }
-        let &[start] = starts.as_slice() else { return Err(LayoutError::Starts(starts.len())) };
+        let &[start] = starts.as_slice() else {
+            return Err(LayoutError::Starts(starts.len()));
+        };
         if goals.is_empty() {
             return Err(LayoutError::NoGoal);
         }
-        let layout =
-            Self { rows: rows.len(), columns, walls, start, play_goals: goals.clone(), goals };
+        let layout = Self {
+            rows: rows.len(),
+            columns,
+            walls,
+            start,
+            play_goals: goals.clone(),
+            goals,
+        };
         let reach = layout.distances(start);
-        match layout.goals.iter().find(|&&goal| reach[layout.index(goal)].is_none()) {
+        match layout
+            .goals
+            .iter()
+            .find(|&&goal| reach[layout.index(goal)].is_none())
+        {
             Some(&goal) => Err(LayoutError::Unreachable(goal)),
             None => Ok(layout),
         }
@@ -233,9 +257,9 @@ impl Layout {
     pub fn next_cell(&self, distances: &[Option<u32>], cell: Cell) -> Cell {
         let here = distances.get(self.index(cell)).copied().flatten();
         self.neighbours(cell)
-            .find(|&next| {
-                matches!((distances[self.index(next)], here), (Some(d), Some(h)) if d < h)
-            })
+            .find(
+                |&next| matches!((distances[self.index(next)], here), (Some(d), Some(h)) if d < h),
+            )
             .unwrap_or(cell)
     }
 
@@ -302,9 +326,16 @@ mod tests {
         assert_eq!(fault(&[]), LayoutError::Empty);
         assert_eq!(
             fault(&["111", "1r"]),
-            LayoutError::Ragged { row: 1, expected: 3, got: 2 }
+            LayoutError::Ragged {
+                row: 1,
+                expected: 3,
+                got: 2
+            }
         );
-        assert_eq!(fault(&["1x1"]), LayoutError::UnknownCell { row: 0, found: 'x' });
+        assert_eq!(
+            fault(&["1x1"]),
+            LayoutError::UnknownCell { row: 0, found: 'x' }
+        );
         assert_eq!(fault(&["1g1"]), LayoutError::Starts(0));
         assert_eq!(fault(&["1r1"]), LayoutError::NoGoal);
         assert_eq!(fault(&["r1g"]), LayoutError::Unreachable((0, 2)));
@@ -315,12 +346,18 @@ mod tests {
         let layout = Layout::named("medium").unwrap();
         let boxes = layout.boxes();
         let inside = |p: [f32; 2]| {
-            boxes.iter().any(|b| (p[0] - b[0]).abs() < b[2] && (p[1] - b[1]).abs() < b[3])
+            boxes
+                .iter()
+                .any(|b| (p[0] - b[0]).abs() < b[2] && (p[1] - b[1]).abs() < b[3])
         };
         for row in 0..8 {
             for column in 0..8 {
                 let centre = layout.centre((row, column));
-                assert_eq!(inside(centre), layout.is_wall((row, column)), "{row} {column}");
+                assert_eq!(
+                    inside(centre),
+                    layout.is_wall((row, column)),
+                    "{row} {column}"
+                );
             }
         }
     }

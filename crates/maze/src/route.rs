@@ -14,7 +14,11 @@ impl Route {
     /// The way to a goal (m) in a cell.
     #[must_use]
     pub fn new(layout: &Layout, goal: [f32; 2], goal_cell: Cell) -> Self {
-        Self { distances: layout.distances(goal_cell), goal, goal_cell }
+        Self {
+            distances: layout.distances(goal_cell),
+            goal,
+            goal_cell,
+        }
     }
 
     /// The goal (m).
@@ -68,6 +72,9 @@ mod tests {
             place = [place[0] + 0.4 * dx / length, place[1] + 0.4 * dy / length];
             assert!(!layout.is_wall_at(place));
         }
-        assert!((place[0] - goal[0]).hypot(place[1] - goal[1]) < 0.5, "{place:?}");
+        assert!(
+            (place[0] - goal[0]).hypot(place[1] - goal[1]) < 0.5,
+            "{place:?}"
+        );
     }
 }

@@ -33,10 +33,14 @@ pub struct Task {
 #[must_use]
 pub fn evaluation_task(layout: &Layout, rng: &mut impl Rng) -> Task {
     let goal_cell = pick(layout.goals(), rng);
-    let goal = layout.centre(goal_cell).map(|axis| {
-        axis + rng.random_range(0.0..1.0_f32) + rng.random_range(0.0..0.5_f32)
-    });
-    Task { start: layout.centre(layout.start()), goal, goal_cell }
+    let goal = layout
+        .centre(goal_cell)
+        .map(|axis| axis + rng.random_range(0.0..1.0_f32) + rng.random_range(0.0..0.5_f32));
+    Task {
+        start: layout.centre(layout.start()),
+        goal,
+        goal_cell,
+    }
 }
 
 /// A task of data collection: a free start cell that is no goal cell of its style's own, plus
@@ -49,15 +53,30 @@ pub fn random_task(layout: &Layout, style: Style, rng: &mut impl Rng) -> Task {
         Style::Play => pick(layout.play_goals(), rng),
     };
     let starts: Vec<Cell> = free.into_iter().filter(|&cell| cell != goal_cell).collect();
-    let start_cell = if starts.is_empty() { goal_cell } else { pick(&starts, rng) };
-    let mut noisy = |cell| layout.centre(cell).map(|axis| axis + rng.random_range(0.0..1.0_f32));
+    let start_cell = if starts.is_empty() {
+        goal_cell
+    } else {
+        pick(&starts, rng)
+    };
+    let mut noisy = |cell| {
+        layout
+            .centre(cell)
+            .map(|axis| axis + rng.random_range(0.0..1.0_f32))
+    };
     let (start, goal) = (noisy(start_cell), noisy(goal_cell));
-    Task { start, goal, goal_cell }
+    Task {
+        start,
+        goal,
+        goal_cell,
+    }
 }
 
 /// One of a layout's cells; layouts always have a start and a goal.
 fn pick(cells: &[Cell], rng: &mut impl Rng) -> Cell {
-    cells.get(rng.random_range(0..cells.len().max(1))).copied().unwrap_or((0, 0))
+    cells
+        .get(rng.random_range(0..cells.len().max(1)))
+        .copied()
+        .unwrap_or((0, 0))
 }
 
 #[cfg(test)]

@@ -33,9 +33,16 @@ pub struct Physics {
 
 impl Physics {
     /// The project's setting: 4 calls of 2 substeps, 12.5 ms each.
-    pub const MAZE: Self = Self { pipeline_steps: 4, solver_iterations: 2, walls: true };
+    pub const MAZE: Self = Self {
+        pipeline_steps: 4,
+        solver_iterations: 2,
+        walls: true,
+    };
     /// The same without walls.
-    pub const OPEN_FLOOR: Self = Self { walls: false, ..Self::MAZE };
+    pub const OPEN_FLOOR: Self = Self {
+        walls: false,
+        ..Self::MAZE
+    };
 }
 
 impl Default for Physics {
@@ -169,7 +176,9 @@ impl AntMaze {
         let rotation = Rotation::from_xyzw(o[4], o[5], o[6], o[3]).normalize();
         let torso = Pose::from_parts(Vector::new(o[0], o[1], o[2]), rotation);
         let spin = rotation * Vector::new(o[18], o[19], o[20]);
-        let Sets { bodies, multibody, .. } = &mut self.sets;
+        let Sets {
+            bodies, multibody, ..
+        } = &mut self.sets;
         if let Some(body) = bodies.get_mut(self.links[0]) {
             body.set_position(torso, true);
         }
@@ -199,13 +208,24 @@ impl AntMaze {
         let mut torque = [0.0; JOINTS];
         for actuator in 0..ACTION {
             let share = action[actuator];
-            let share = if share.is_finite() { share.clamp(-1.0, 1.0) } else { 0.0 };
+            let share = if share.is_finite() {
+                share.clamp(-1.0, 1.0)
+            } else {
+                0.0
+            };
             torque[JOINT_OF_ACTUATOR[actuator]] = MAX_TORQUE * share;
         }
         for _ in 0..self.physics.pipeline_steps {
             self.apply(&torque);
-            let Sets { islands, broad, narrow, bodies, colliders, impulse, multibody } =
-                &mut self.sets;
+            let Sets {
+                islands,
+                broad,
+                narrow,
+                bodies,
+                colliders,
+                impulse,
+                multibody,
+            } = &mut self.sets;
             self.pipeline.step(
                 Vector::new(0.0, 0.0, -9.81),
                 &self.parameters,
@@ -248,13 +268,18 @@ impl AntMaze {
     #[must_use]
     pub fn observation(&self) -> Observation {
         let mut o = [0.0; OBSERVATION];
-        let Sets { bodies, multibody, .. } = &self.sets;
-        let (Some(torso), Some((ant, _))) =
-            (bodies.get(self.links[0]), multibody.get(self.root))
+        let Sets {
+            bodies, multibody, ..
+        } = &self.sets;
+        let (Some(torso), Some((ant, _))) = (bodies.get(self.links[0]), multibody.get(self.root))
         else {
             return o;
         };
-        let Pose { rotation: q, translation, .. } = *torso.position();
+        let Pose {
+            rotation: q,
+            translation,
+            ..
+        } = *torso.position();
         for i in 0..3 {
             o[i] = translation[i];
         }
@@ -280,7 +305,11 @@ impl AntMaze {
     pub fn body_poses(&self) -> [[f32; 7]; BODIES] {
         self.links.map(|link| {
             self.sets.bodies.get(link).map_or([0.0; 7], |body| {
-                let Pose { rotation: q, translation: t, .. } = *body.position();
+                let Pose {
+                    rotation: q,
+                    translation: t,
+                    ..
+                } = *body.position();
                 [t.x, t.y, t.z, q.w, q.x, q.y, q.z]
             })
         })
@@ -299,17 +328,18 @@ impl AntMaze {
 }
 
 fn build_maze(sets: &mut Sets, layout: &Layout, walls: bool) {
-    let groups =
-        InteractionGroups::new(Group::GROUP_2, Group::GROUP_1, InteractionTestMode::And);
+    let groups = InteractionGroups::new(Group::GROUP_2, Group::GROUP_1, InteractionTestMode::And);
     let floor = ColliderBuilder::new(SharedShape::halfspace(Vector::Z));
-    sets.colliders.insert(floor.friction(1.0).collision_groups(groups));
+    sets.colliders
+        .insert(floor.friction(1.0).collision_groups(groups));
     if !walls {
         return;
     }
     for [x, y, half_x, half_y] in layout.boxes() {
         let wall = ColliderBuilder::cuboid(half_x, half_y, WALL_HEIGHT / 2.0)
             .translation(Vector::new(x, y, WALL_HEIGHT / 2.0));
-        sets.colliders.insert(wall.friction(1.0).collision_groups(groups));
+        sets.colliders
+            .insert(wall.friction(1.0).collision_groups(groups));
     }
 }
 
@@ -318,9 +348,13 @@ fn build_ant(
     axes: &[Vector; JOINTS],
 ) -> ([RigidBodyHandle; BODIES], MultibodyJointHandle) {
     // As in ant.xml the ant touches floor and walls but never itself.
-    let groups =
-        InteractionGroups::new(Group::GROUP_1, Group::GROUP_2, InteractionTestMode::And);
-    let Sets { bodies, colliders, multibody, .. } = sets;
+    let groups = InteractionGroups::new(Group::GROUP_1, Group::GROUP_2, InteractionTestMode::And);
+    let Sets {
+        bodies,
+        colliders,
+        multibody,
+        ..
+    } = sets;
     let links = std::array::from_fn(|body| {
         let mut place = Vector::new(0.0, 0.0, RESET_HEIGHT);
         if body > 0 {
@@ -332,14 +366,16 @@ fn build_ant(
         bodies.insert(RigidBodyBuilder::dynamic().pose(pose).can_sleep(false))
     });
     let mut add = |shape: ColliderBuilder, body: usize| {
-        let shape = shape.density(DENSITY).friction(1.0).collision_groups(groups);
+        let shape = shape
+            .density(DENSITY)
+            .friction(1.0)
+            .collision_groups(groups);
         colliders.insert_with_parent(shape, links[body], bodies);
     };
     add(ColliderBuilder::ball(TORSO_RADIUS), 0);
     for (leg, [x, y]) in LEG_DIRECTIONS.into_iter().enumerate() {
         let offset = Vector::new(x, y, 0.0) * LINK;
-        let capsule =
-            |end| ColliderBuilder::capsule_from_endpoints(Vector::ZERO, end, LEG_RADIUS);
+        let capsule = |end| ColliderBuilder::capsule_from_endpoints(Vector::ZERO, end, LEG_RADIUS);
         add(capsule(offset), 0);
         add(capsule(offset), 1 + 2 * leg);
         add(capsule(offset * 2.0), 2 + 2 * leg);
@@ -385,7 +421,11 @@ mod tests {
     #[test]
     fn the_ant_weighs_what_mujoco_says() {
         let world = medium();
-        let mass: f32 = world.links.iter().map(|&l| world.sets.bodies[l].mass()).sum();
+        let mass: f32 = world
+            .links
+            .iter()
+            .map(|&l| world.sets.bodies[l].mass())
+            .sum();
         assert!((mass - 0.91088).abs() < 1e-4, "{mass}");
     }
 
@@ -429,7 +469,11 @@ mod tests {
         assert!((o[7] - 0.143).abs() < 0.02, "{}", o[7]);
         assert!((o[21] - 2.81).abs() < 0.2, "{}", o[21]);
         for joint in [2, 4, 6] {
-            assert!(o[7 + joint].abs() < 0.05, "hip of another leg moved: {}", o[7 + joint]);
+            assert!(
+                o[7 + joint].abs() < 0.05,
+                "hip of another leg moved: {}",
+                o[7 + joint]
+            );
         }
     }
 
@@ -455,7 +499,11 @@ mod tests {
             }
             assert!(!layout.is_wall_at([world.observation()[0], world.observation()[1]]));
         }
-        assert!(overshoot.to_degrees() < 8.0, "{} degrees", overshoot.to_degrees());
+        assert!(
+            overshoot.to_degrees() < 8.0,
+            "{} degrees",
+            overshoot.to_degrees()
+        );
     }
 
     #[test]

@@ -100,13 +100,19 @@ mod tests {
             0.8 * m.log_prob(1) + 0.3 * m.entropy()
         };
         let mut gradient = [0.0; 5];
-        Masked::new(&logits, &allowed).unwrap().add_gradient(1, 0.8, 0.3, &mut gradient);
+        Masked::new(&logits, &allowed)
+            .unwrap()
+            .add_gradient(1, 0.8, 0.3, &mut gradient);
         for i in 0..5 {
             let (mut up, mut down) = (logits, logits);
             up[i] += 1e-2;
             down[i] -= 1e-2;
             let numeric = (objective(&up) - objective(&down)) / 2e-2;
-            assert!((numeric - gradient[i]).abs() < 1e-3, "{i}: {numeric} {}", gradient[i]);
+            assert!(
+                (numeric - gradient[i]).abs() < 1e-3,
+                "{i}: {numeric} {}",
+                gradient[i]
+            );
         }
     }
 

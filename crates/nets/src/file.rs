@@ -56,7 +56,10 @@ pub fn save(
     tensors: &[Tensor<'_>],
     metadata: &BTreeMap<String, String>,
 ) -> Result<(), FileError> {
-    let io = |source| FileError::Io { path: path.to_path_buf(), source };
+    let io = |source| FileError::Io {
+        path: path.to_path_buf(),
+        source,
+    };
     let bytes: Vec<Vec<u8>> = tensors
         .iter()
         .map(|(_, _, values)| values.iter().flat_map(|v| v.to_le_bytes()).collect())
@@ -67,8 +70,10 @@ pub fn save(
             .map_err(|error| FileError::Damaged(error.to_string()))?;
         views.push((name.clone(), view));
     }
-    let metadata: HashMap<String, String> =
-        metadata.iter().map(|(k, v)| (k.clone(), v.clone())).collect();
+    let metadata: HashMap<String, String> = metadata
+        .iter()
+        .map(|(k, v)| (k.clone(), v.clone()))
+        .collect();
     let whole = safetensors::serialize(views, Some(metadata))
         .map_err(|error| FileError::Damaged(error.to_string()))?;
     let part = path.with_extension("part");
@@ -90,8 +95,10 @@ impl ParameterFile {
     /// # Errors
     /// What the system refuses, or damage.
     pub fn load(path: &Path) -> Result<Self, FileError> {
-        let bytes = std::fs::read(path)
-            .map_err(|source| FileError::Io { path: path.to_path_buf(), source })?;
+        let bytes = std::fs::read(path).map_err(|source| FileError::Io {
+            path: path.to_path_buf(),
+            source,
+        })?;
         Self::from_bytes(&bytes)
     }
 
@@ -109,7 +116,10 @@ impl ParameterFile {
         for (name, view) in file.tensors() {
             if view.dtype() == Dtype::F32 {
                 let (values, _) = view.data().as_chunks::<4>();
-                let values = values.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+                let values = values
+                    .iter()
+                    .map(|bytes| f32::from_le_bytes(*bytes))
+                    .collect();
                 tensors.insert(name, (view.shape().to_vec(), values));
             }
         }
@@ -121,8 +131,10 @@ impl ParameterFile {
     /// # Errors
     /// When it is missing, has another shape, or holds a value that is not finite.
     pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, FileError> {
-        let (got, values) =
-            self.tensors.get(name).ok_or_else(|| FileError::Missing(name.to_owned()))?;
+        let (got, values) = self
+            .tensors
+            .get(name)
+            .ok_or_else(|| FileError::Missing(name.to_owned()))?;
         if got != shape {
             return Err(FileError::Shape {
                 name: name.to_owned(),
@@ -131,7 +143,10 @@ impl ParameterFile {
             });
         }
         match values.iter().position(|value| !value.is_finite()) {
-            Some(index) => Err(FileError::NotFinite { name: name.to_owned(), index }),
+            Some(index) => Err(FileError::NotFinite {
+                name: name.to_owned(),
+                index,
+            }),
             None => Ok(values.clone()),
         }
     }
@@ -163,7 +178,10 @@ mod tests {
         assert_eq!(file.tensor("a", &[3, 4]).unwrap()[11], 11.0);
         assert_eq!(file.metadata()["hidden"], "3,4");
         assert!(matches!(file.tensor("b", &[1]), Err(FileError::Missing(_))));
-        assert!(matches!(file.tensor("a", &[12]), Err(FileError::Shape { .. })));
+        assert!(matches!(
+            file.tensor("a", &[12]),
+            Err(FileError::Shape { .. })
+        ));
         assert!(!path.with_extension("part").exists());
     }
 
@@ -172,7 +190,10 @@ mod tests {
         let (_folder, path) = written();
         let bytes = std::fs::read(&path).unwrap();
         for length in 0..bytes.len() {
-            assert!(ParameterFile::from_bytes(&bytes[..length]).is_err(), "cut at {length}");
+            assert!(
+                ParameterFile::from_bytes(&bytes[..length]).is_err(),
+                "cut at {length}"
+            );
         }
         for at in 0..bytes.len() {
             let mut flipped = bytes.clone();

@@ -72,9 +72,19 @@ impl Mlp {
             parameters = bias + outputs;
             let norm = (layer_norm && i + 2 < sizes.len()).then_some(parameters);
             parameters += if norm.is_some() { 2 * outputs } else { 0 };
-            layers.push(Layer { inputs, outputs, weights, bias, norm });
+            layers.push(Layer {
+                inputs,
+                outputs,
+                weights,
+                bias,
+                norm,
+            });
         }
-        Self { layers, activation, parameters }
+        Self {
+            layers,
+            activation,
+            parameters,
+        }
     }
 
     /// Number of parameters.
@@ -136,7 +146,12 @@ impl Mlp {
     #[must_use]
     pub fn workspace(&self, capacity: usize) -> Workspace {
         let hidden = &self.layers[..self.layers.len().saturating_sub(1)];
-        let widest = self.layers.iter().map(|layer| layer.inputs).max().unwrap_or(0);
+        let widest = self
+            .layers
+            .iter()
+            .map(|layer| layer.inputs)
+            .max()
+            .unwrap_or(0);
         let buffer = |layer: &Layer| vec![0.0; layer.outputs * capacity];
         Workspace {
             capacity,
@@ -144,7 +159,13 @@ impl Mlp {
             hidden: hidden.iter().map(buffer).collect(),
             normed: hidden
                 .iter()
-                .map(|layer| if layer.norm.is_some() { buffer(layer) } else { vec![] })
+                .map(|layer| {
+                    if layer.norm.is_some() {
+                        buffer(layer)
+                    } else {
+                        vec![]
+                    }
+                })
                 .collect(),
             scales: hidden.iter().map(|_| vec![0.0; capacity]).collect(),
             output: vec![0.0; self.outputs() * capacity],
@@ -177,10 +198,20 @@ impl Mlp {
         batch: usize,
         workspace: &'w mut Workspace,
     ) -> &'w [f32] {
-        assert!(batch <= workspace.capacity, "batch {batch} beyond {}", workspace.capacity);
+        assert!(
+            batch <= workspace.capacity,
+            "batch {batch} beyond {}",
+            workspace.capacity
+        );
         let w = workspace;
         for (k, layer) in self.layers.iter().enumerate() {
-            let Layer { inputs, outputs, weights, bias, norm } = *layer;
+            let Layer {
+                inputs,
+                outputs,
+                weights,
+                bias,
+                norm,
+            } = *layer;
             let (before, from) = w.hidden.split_at_mut(k);
             let (normed_before, normed) = w.normed.split_at_mut(k);
             let x: &[f32] = match k {
@@ -189,7 +220,11 @@ impl Mlp {
                 _ => &before[k - 1],
             };
             let last = k + 1 == self.layers.len();
-            let z = if last { &mut w.output } else { &mut w.slopes[k] };
+            let z = if last {
+                &mut w.output
+            } else {
+                &mut w.slopes[k]
+            };
             matmul(
                 columns_mut(z, outputs, batch),
                 Accum::Replace,
@@ -234,7 +269,13 @@ impl Mlp {
         let w = workspace;
         let [mut current, mut next] = w.gradients.each_mut();
         for (k, layer) in self.layers.iter().enumerate().rev() {
-            let Layer { inputs, outputs, weights, bias, norm } = *layer;
+            let Layer {
+                inputs,
+                outputs,
+                weights,
+                bias,
+                norm,
+            } = *layer;
             let n = outputs * batch;
             let dz: &[f32] = if k + 1 == self.layers.len() {
                 kernel::sum_columns(&output_gradient[..n], &mut gradient[bias..bias + outputs]);
@@ -269,8 +310,11 @@ impl Mlp {
                 1.0,
                 Par::Seq,
             );
-            let target: Option<&mut [f32]> =
-                if k == 0 { input_gradient.as_deref_mut() } else { Some(&mut *next) };
+            let target: Option<&mut [f32]> = if k == 0 {
+                input_gradient.as_deref_mut()
+            } else {
+                Some(&mut *next)
+            };
             if let Some(target) = target {
                 matmul(
                     columns_mut(target, inputs, batch),
@@ -294,10 +338,20 @@ impl Mlp {
     ) -> Vec<(String, Vec<usize>, &'p [f32])> {
         let mut tensors = vec![];
         for (k, layer) in self.layers.iter().enumerate() {
-            let Layer { inputs, outputs, weights, bias, norm } = *layer;
+            let Layer {
+                inputs,
+                outputs,
+                weights,
+                bias,
+                norm,
+            } = *layer;
             let mut add = |name: &str, shape: Vec<usize>, at: usize| {
                 let length = shape.iter().product::<usize>();
-                tensors.push((format!("{prefix}.{k}.{name}"), shape, &parameters[at..at + length]));
+                tensors.push((
+                    format!("{prefix}.{k}.{name}"),
+                    shape,
+                    &parameters[at..at + length],
+                ));
             };
             // Column-major outputs x inputs is row-major inputs x outputs.
             add("weight", vec![inputs, outputs], weights);
@@ -393,7 +447,10 @@ mod tests {
                     };
                     let numeric = (at(1.0) - at(-1.0)) / f64::from(2.0 * step);
                     let error = (numeric - analytic).abs() / analytic.abs().max(0.5);
-                    assert!(error < 0.02, "{activation:?} {norm}: {analytic} and {numeric}");
+                    assert!(
+                        error < 0.02,
+                        "{activation:?} {norm}: {analytic} and {numeric}"
+                    );
                 };
                 check(&parameters, &gradient, false);
                 check(&input, &input_gradient, true);
@@ -412,7 +469,15 @@ mod tests {
         mlp.backward(&parameters, &[0.3, 0.4], 1, &mut w, &[1.0], &mut once, None);
         let mut twice = once.clone();
         mlp.forward(&parameters, &[0.3, 0.4], 1, &mut w);
-        mlp.backward(&parameters, &[0.3, 0.4], 1, &mut w, &[1.0], &mut twice, None);
+        mlp.backward(
+            &parameters,
+            &[0.3, 0.4],
+            1,
+            &mut w,
+            &[1.0],
+            &mut twice,
+            None,
+        );
         for (one, two) in once.iter().zip(&twice) {
             assert!((2.0 * one - two).abs() < 1e-6);
         }
@@ -429,8 +494,11 @@ mod tests {
         for _ in 0..1500 {
             let x: Vec<f32> = (0..64).map(|_| rng.random_range(-3.0..3.0)).collect();
             let out = mlp.forward(&parameters, &x, 64, &mut w);
-            let slope: Vec<f32> =
-                out.iter().zip(&x).map(|(y, x)| 2.0 / 64.0 * (y - x.sin())).collect();
+            let slope: Vec<f32> = out
+                .iter()
+                .zip(&x)
+                .map(|(y, x)| 2.0 / 64.0 * (y - x.sin()))
+                .collect();
             error = slope.iter().map(|s| (s * 32.0).powi(2)).sum::<f32>() / 64.0;
             let mut gradient = vec![0.0; mlp.parameters()];
             mlp.backward(&parameters, &x, 64, &mut w, &slope, &mut gradient, None);

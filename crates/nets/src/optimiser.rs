@@ -45,13 +45,23 @@ impl Adam {
             self.beta2,
             self.epsilon,
         ];
-        kernel::adam(parameters, gradient, &mut self.first, &mut self.second, rates);
+        kernel::adam(
+            parameters,
+            gradient,
+            &mut self.first,
+            &mut self.second,
+            rates,
+        );
     }
 }
 
 /// Scales a gradient to a norm of at most `max`; returns the norm before.
 pub fn clip_global_norm(gradient: &mut [f32], max: f32) -> f32 {
-    let norm = gradient.iter().map(|g| f64::from(*g) * f64::from(*g)).sum::<f64>().sqrt() as f32;
+    let norm = gradient
+        .iter()
+        .map(|g| f64::from(*g) * f64::from(*g))
+        .sum::<f64>()
+        .sqrt() as f32;
     if norm > max {
         let scale = max / norm;
         gradient.iter_mut().for_each(|g| *g *= scale);

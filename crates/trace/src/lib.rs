@@ -4,19 +4,31 @@
 //!
 //! | topic | schema | when |
 //! |---|---|---|
-//! | /scene | foxglove.SceneUpdate: walls, graph, goal | once |
-//! | /ant | foxglove.SceneUpdate, locked to the bodies' frames | once |
+//! | /scene/maze | foxglove.SceneUpdate: walls, goal | once |
+//! | /scene/ant | foxglove.SceneUpdate, locked to the bodies' frames | once |
+//! | /graph | foxglove.SceneUpdate: nodes, edges | once |
+//! | /graph/nodes | foxglove.PosesInFrame | once |
 //! | /tf | foxglove.FrameTransforms of the nine bodies | each step |
 //! | /goal, /subgoal | foxglove.PoseInFrame | each step |
-//! | /step | [`StepMessage`] | each step |
+//! | /step | formica.Step: [`Step`] | each step |
+//! | /path | foxglove.PosesInFrame: last ten seconds, at the end all | each second |
+//! | /log | foxglove.Log: start, changes of subgoal, end | as it happens |
+//!
+//! A message's log time is the wall clock at the start plus simulated time, so that a trace plays
+//! at the speed of the simulated world. Attachments: `config.toml`, `layout.json` (a layout for
+//! Foxglove and Lichtblick). Metadata record: [`METADATA`].
 
+mod meta;
 mod read;
 mod scene;
+mod step;
 mod write;
 
-pub use read::{Summary, summary};
+pub use meta::{EpisodeMeta, Outcome};
+pub use read::{Summary, steps, summary};
 pub use scene::Scene;
-pub use write::{EpisodeWriter, StepMessage, StepRecord};
+pub use step::{Step, StepMessage, StepRecord};
+pub use write::EpisodeWriter;
 
 /// Name of the metadata record of an episode.
 pub const METADATA: &str = "formica.episode";

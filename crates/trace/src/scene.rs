@@ -22,43 +22,128 @@ pub struct Scene {
     pub goal_radius: f32,
 }
 
-/// Names of the frames of torso and the hip and foot links of legs 1 to 4.
-pub(crate) const BODIES: [&str; 9] =
-    ["torso", "hip_1", "foot_1", "hip_2", "foot_2", "hip_3", "foot_3", "hip_4", "foot_4"];
+/// The one fixed frame.
+pub(crate) const WORLD: &str = "world";
 
-const GREY: Color = Color { r: 0.6, g: 0.6, b: 0.65, a: 1.0 };
-const BLUE: Color = Color { r: 0.2, g: 0.45, b: 0.9, a: 0.9 };
-const PALE: Color = Color { r: 0.45, g: 0.6, b: 0.8, a: 0.35 };
-const GREEN: Color = Color { r: 0.1, g: 0.75, b: 0.3, a: 0.6 };
-const BRASS: Color = Color { r: 0.8, g: 0.6, b: 0.4, a: 1.0 };
+/// Names of the frames of torso and the hip and foot links of legs 1 to 4.
+pub(crate) const BODIES: [&str; 9] = [
+    "torso", "hip_1", "foot_1", "hip_2", "foot_2", "hip_3", "foot_3", "hip_4", "foot_4",
+];
+
+const GREY: Color = Color {
+    r: 0.6,
+    g: 0.6,
+    b: 0.65,
+    a: 1.0,
+};
+const BLUE: Color = Color {
+    r: 0.2,
+    g: 0.45,
+    b: 0.9,
+    a: 0.9,
+};
+const PALE: Color = Color {
+    r: 0.45,
+    g: 0.6,
+    b: 0.8,
+    a: 0.35,
+};
+const GREEN: Color = Color {
+    r: 0.1,
+    g: 0.75,
+    b: 0.3,
+    a: 0.6,
+};
+const BRASS: Color = Color {
+    r: 0.8,
+    g: 0.6,
+    b: 0.4,
+    a: 1.0,
+};
 
 pub(crate) fn pose(x: f32, y: f32, z: f32) -> Pose {
     Pose {
-        position: Some(Vector3 { x: x.into(), y: y.into(), z: z.into() }),
-        orientation: Some(Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+        position: Some(Vector3 {
+            x: x.into(),
+            y: y.into(),
+            z: z.into(),
+        }),
+        orientation: Some(Quaternion {
+            x: 0.0,
+            y: 0.0,
+            z: 0.0,
+            w: 1.0,
+        }),
     }
 }
 
 fn size(x: f32, y: f32, z: f32) -> Option<Vector3> {
-    Some(Vector3 { x: x.into(), y: y.into(), z: z.into() })
+    Some(Vector3 {
+        x: x.into(),
+        y: y.into(),
+        z: z.into(),
+    })
+}
+
+fn entity(id: &str) -> SceneEntity {
+    SceneEntity {
+        frame_id: WORLD.to_owned(),
+        id: id.to_owned(),
+        ..SceneEntity::default()
+    }
 }
 
 impl Scene {
-    pub(crate) fn message(&self) -> SceneUpdate {
+    /// Walls and goal.
+    pub(crate) fn maze(&self) -> SceneUpdate {
         let h = self.wall_height;
-        let cubes = self.walls.iter().map(|[x, y, half_x, half_y]| CubePrimitive {
-            pose: Some(pose(*x, *y, h / 2.0)),
-            size: size(2.0 * half_x, 2.0 * half_y, h),
-            color: Some(GREY),
-        });
+        let cubes = self
+            .walls
+            .iter()
+            .map(|[x, y, half_x, half_y]| CubePrimitive {
+                pose: Some(pose(*x, *y, h / 2.0)),
+                size: size(2.0 * half_x, 2.0 * half_y, h),
+                color: Some(GREY),
+            });
+        let [x, y] = self.goal;
+        let goal = CylinderPrimitive {
+            pose: Some(pose(x, y, 0.02)),
+            size: size(2.0 * self.goal_radius, 2.0 * self.goal_radius, 0.04),
+            bottom_scale: 1.0,
+            top_scale: 1.0,
+            color: Some(GREEN),
+        };
+        SceneUpdate {
+            entities: vec![
+                SceneEntity {
+                    cubes: cubes.collect(),
+                    ..entity("walls")
+                },
+                SceneEntity {
+                    cylinders: vec![goal],
+                    ..entity("goal")
+                },
+            ],
+            ..SceneUpdate::default()
+        }
+    }
+
+    /// Nodes as spheres, edges as lines; an edge of a node that does not exist is left out.
+    pub(crate) fn graph(&self) -> SceneUpdate {
         let nodes = self.nodes.iter().map(|[x, y]| SpherePrimitive {
             pose: Some(pose(*x, *y, 0.05)),
             size: size(0.25, 0.25, 0.1),
             color: Some(BLUE),
         });
-        let end = |node: u32| self.nodes.get(node as usize).copied().unwrap_or_default();
-        let points = self.edges.iter().flat_map(|(from, to)| {
-            [end(*from), end(*to)].map(|[x, y]| Point3 { x: x.into(), y: y.into(), z: 0.03 })
+        let place = |node: u32| self.nodes.get(node as usize);
+        let ends = self
+            .edges
+            .iter()
+            .filter_map(|(from, to)| Some([place(*from)?, place(*to)?]));
+        let points = ends.flatten().map(|[x, y]| Point3 {
+            x: (*x).into(),
+            y: (*y).into(),
+            z: 0.03,
         });
         let lines = LinePrimitive {
             r#type: line_primitive::Type::LineList as i32,
@@ -68,27 +153,20 @@ impl Scene {
             color: Some(PALE),
             ..LinePrimitive::default()
         };
-        let [x, y] = self.goal;
-        let goal = CylinderPrimitive {
-            pose: Some(pose(x, y, 0.02)),
-            size: size(2.0 * self.goal_radius, 2.0 * self.goal_radius, 0.04),
-            bottom_scale: 1.0,
-            top_scale: 1.0,
-            color: Some(GREEN),
-        };
-        let entity = |id: &str| SceneEntity {
-            frame_id: "world".to_owned(),
-            id: id.to_owned(),
-            ..SceneEntity::default()
+        let graph = SceneEntity {
+            spheres: nodes.collect(),
+            lines: vec![lines],
+            ..entity("graph")
         };
         SceneUpdate {
-            entities: vec![
-                SceneEntity { cubes: cubes.collect(), ..entity("walls") },
-                SceneEntity { spheres: nodes.collect(), lines: vec![lines], ..entity("graph") },
-                SceneEntity { cylinders: vec![goal], ..entity("goal") },
-            ],
+            entities: vec![graph],
             ..SceneUpdate::default()
         }
+    }
+
+    /// The nodes once more as poses, for viewers that do not draw a scene (Rerun).
+    pub(crate) fn node_poses(&self) -> Vec<Pose> {
+        self.nodes.iter().map(|[x, y]| pose(*x, *y, 0.05)).collect()
     }
 }
 
@@ -100,8 +178,16 @@ pub(crate) fn ant() -> SceneUpdate {
         pose: Some(pose(0.0, 0.0, 0.0)),
         thickness: 0.16,
         points: vec![
-            Point3 { x: 0.0, y: 0.0, z: 0.0 },
-            Point3 { x: length * direction[0], y: length * direction[1], z: 0.0 },
+            Point3 {
+                x: 0.0,
+                y: 0.0,
+                z: 0.0,
+            },
+            Point3 {
+                x: length * direction[0],
+                y: length * direction[1],
+                z: 0.0,
+            },
         ],
         color: Some(BRASS),
         ..LinePrimitive::default()
@@ -126,5 +212,8 @@ pub(crate) fn ant() -> SceneUpdate {
         }
         entity
     });
-    SceneUpdate { entities: entities.collect(), ..SceneUpdate::default() }
+    SceneUpdate {
+        entities: entities.collect(),
+        ..SceneUpdate::default()
+    }
 }

@@ -12,12 +12,12 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
+use crate::WireError;
 use crate::domain::RunDomain;
 use crate::records::{
-    Acknowledgement, AcknowledgementHeader, Directive, EpisodeResult, LAYOUT, Metric,
-    Module, Reader, SnapshotHeader, Status, TrajectoryHeader, Transition,
+    Acknowledgement, AcknowledgementHeader, Directive, EpisodeResult, LAYOUT, Metric, Module,
+    Reader, SnapshotHeader, Status, TrajectoryHeader, Transition,
 };
-use crate::WireError;
 
 pub(crate) type Ipc = ipc::Service;
 pub(crate) type Topic<T, H> = PortFactory<Ipc, [T], H>;
@@ -107,11 +107,14 @@ impl Limits {
             .chain([self.graph_bytes, size_of::<Directive>()])
             .map(|bytes| chunks(&latest) * sized(bytes))
             .sum();
-        let reports: u64 =
-            [size_of::<Status>(), size_of::<Metric>(), size_of::<EpisodeResult>()]
-                .into_iter()
-                .map(|bytes| chunks(&self.report_qos()) * sized(bytes))
-                .sum();
+        let reports: u64 = [
+            size_of::<Status>(),
+            size_of::<Metric>(),
+            size_of::<EpisodeResult>(),
+        ]
+        .into_iter()
+        .map(|bytes| chunks(&self.report_qos()) * sized(bytes))
+        .sum();
         chunks(&self.trajectory_qos()) * sized(trajectory) + snapshots + reports
     }
 
@@ -132,7 +135,8 @@ impl Limits {
     /// Reads [`to_text`](Self::to_text)'s lines: the layout and the limits.
     fn from_text(text: &str) -> Option<(u32, Self)> {
         let value = |key: &str| {
-            text.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='))
+            text.lines()
+                .find_map(|line| line.strip_prefix(key)?.strip_prefix('='))
         };
         let number = |key: &str| value(key)?.parse().ok();
         let layout = value("layout")?.parse().ok()?;
@@ -190,7 +194,11 @@ pub struct Bus {
 }
 
 fn failed(service: &str, action: &'static str) -> impl Fn(String) -> WireError {
-    move |reason| WireError::Service { service: service.to_owned(), action, reason }
+    move |reason| WireError::Service {
+        service: service.to_owned(),
+        action,
+        reason,
+    }
 }
 
 /// How long a service may be in the middle of being made or cleaned up.
@@ -222,8 +230,10 @@ impl Bus {
     /// What the file system or iceoryx2 refuses.
     pub fn host(domain: &RunDomain, limits: &Limits) -> Result<Self, WireError> {
         let path = domain.root().join("limits");
-        fs::write(&path, limits.to_text())
-            .map_err(|source| WireError::Io { path: path.display().to_string(), source })?;
+        fs::write(&path, limits.to_text()).map_err(|source| WireError::Io {
+            path: path.display().to_string(),
+            source,
+        })?;
         let mut bus = Self::join_as(domain, "launcher", limits.clone(), true)?;
         bus.held = bus.all()?;
         Ok(bus)
@@ -235,12 +245,19 @@ impl Bus {
     /// Another layout, limits that cannot be read, what iceoryx2 refuses.
     pub fn join(domain: &RunDomain, name: &str) -> Result<Self, WireError> {
         let path = domain.root().join("limits");
-        let text = fs::read_to_string(&path)
-            .map_err(|source| WireError::Io { path: path.display().to_string(), source })?;
-        let (theirs, limits) =
-            Limits::from_text(&text).ok_or(WireError::Layout { theirs: 0, ours: LAYOUT })?;
+        let text = fs::read_to_string(&path).map_err(|source| WireError::Io {
+            path: path.display().to_string(),
+            source,
+        })?;
+        let (theirs, limits) = Limits::from_text(&text).ok_or(WireError::Layout {
+            theirs: 0,
+            ours: LAYOUT,
+        })?;
         if theirs != LAYOUT {
-            return Err(WireError::Layout { theirs, ours: LAYOUT });
+            return Err(WireError::Layout {
+                theirs,
+                ours: LAYOUT,
+            });
         }
         Self::join_as(domain, name, limits, false)
     }
@@ -257,8 +274,8 @@ impl Bus {
         let root = format!("{}/", domain.root().display());
         let root = Path::new(root.as_bytes()).map_err(|e| failed(format!("{e:?}")))?;
         config.global.set_root_path(&root);
-        config.global.prefix = FileName::new(domain.prefix().as_bytes())
-            .map_err(|e| failed(format!("{e:?}")))?;
+        config.global.prefix =
+            FileName::new(domain.prefix().as_bytes()).map_err(|e| failed(format!("{e:?}")))?;
         config.global.creation_timeout = PATIENCE;
         let name = NodeName::new(name).map_err(|e| failed(format!("{e:?}")))?;
         let node = NodeBuilder::new()
@@ -268,7 +285,12 @@ impl Bus {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Ipc>()
             .map_err(|e| failed(format!("{e:?}")))?;
-        Ok(Self { node, limits, held: vec![], host })
+        Ok(Self {
+            node,
+            limits,
+            held: vec![],
+            host,
+        })
     }
 
     /// The run's limits.
@@ -279,8 +301,9 @@ impl Bus {
 
     /// Takes back what dead processes held. Whether there was any.
     pub fn sweep(&self) -> bool {
-        let CleanupState { cleanups, .. } =
-            self.node.blocking_cleanup_dead_nodes(Duration::from_millis(500));
+        let CleanupState { cleanups, .. } = self
+            .node
+            .blocking_cleanup_dead_nodes(Duration::from_millis(500));
         cleanups > 0
     }
 
@@ -339,7 +362,11 @@ impl Bus {
         &self,
     ) -> Result<Topic<Acknowledgement, AcknowledgementHeader>, WireError> {
         // One latest table of each reader: a place in the buffer for both.
-        let qos = Qos { publishers: 2 + SPARE, buffer: 4, ..self.limits.latest_qos() };
+        let qos = Qos {
+            publishers: 2 + SPARE,
+            buffer: 4,
+            ..self.limits.latest_qos()
+        };
         self.topic("acknowledgements", &qos)
     }
 
@@ -444,7 +471,16 @@ pub(crate) mod tests {
         let text = fs::read_to_string(&path).unwrap();
         fs::write(&path, text.replace("layout=1", "layout=7")).unwrap();
         let error = Bus::join(&domain, "actor-0").err().unwrap();
-        assert!(matches!(error, WireError::Layout { theirs: 7, ours: LAYOUT }), "{error}");
+        assert!(
+            matches!(
+                error,
+                WireError::Layout {
+                    theirs: 7,
+                    ours: LAYOUT
+                }
+            ),
+            "{error}"
+        );
         domain.remove();
     }
 

@@ -23,7 +23,10 @@ fn prefix_of(id: &str) -> String {
 }
 
 fn io(path: &Path) -> impl FnOnce(std::io::Error) -> WireError + '_ {
-    |source| WireError::Io { path: path.display().to_string(), source }
+    |source| WireError::Io {
+        path: path.display().to_string(),
+        source,
+    }
 }
 
 /// A run's domain. The one that created it holds its lock for as long as the run lives, so that
@@ -43,7 +46,9 @@ impl RunDomain {
     pub fn create() -> Result<Self, WireError> {
         let folder = user_folder();
         make_private(&folder)?;
-        let clock = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let clock = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default();
         let mut id = clock.subsec_nanos() ^ (std::process::id() << 12);
         loop {
             let name = format!("{id:08x}");
@@ -53,7 +58,11 @@ impl RunDomain {
                     let path = root.join("lock");
                     let lock = File::create(&path).map_err(io(&path))?;
                     lock.lock().map_err(io(&path))?;
-                    return Ok(Self { id: name, root, lock: Some(lock) });
+                    return Ok(Self {
+                        id: name,
+                        root,
+                        lock: Some(lock),
+                    });
                 }
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {
                     id = id.wrapping_mul(747_796_405).wrapping_add(1);
@@ -73,7 +82,11 @@ impl RunDomain {
         if !plain || !is_alive(&root) {
             return Err(WireError::NoSuchRun(id.to_owned()));
         }
-        Ok(Self { id: id.to_owned(), root, lock: None })
+        Ok(Self {
+            id: id.to_owned(),
+            root,
+            lock: None,
+        })
     }
 
     /// The domain's id: 8 hexadecimal digits.
@@ -118,7 +131,10 @@ pub fn leftovers() -> Vec<Leftover> {
     let start = prefix_of("");
     let start = start.trim_end_matches('_').to_owned() + "_";
     for name in names(Path::new(SHARED_MEMORY)) {
-        if let Some(id) = name.strip_prefix(&start).and_then(|rest| rest.split('_').next()) {
+        if let Some(id) = name
+            .strip_prefix(&start)
+            .and_then(|rest| rest.split('_').next())
+        {
             ids.push(id.to_owned());
         }
     }
@@ -151,7 +167,9 @@ pub fn clear(leftover: &Leftover) -> bool {
 
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.filter_map(|entry| entry.file_name().into_string().ok()).collect()
+    entries
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect()
 }
 
 fn shared_files(id: &str) -> Vec<PathBuf> {
@@ -159,7 +177,11 @@ fn shared_files(id: &str) -> Vec<PathBuf> {
     let folder = Path::new(SHARED_MEMORY);
     // iceoryx2 marks some names with leading dots.
     let own = |name: &String| name.trim_start_matches('.').starts_with(&prefix);
-    names(folder).into_iter().filter(own).map(|name| folder.join(name)).collect()
+    names(folder)
+        .into_iter()
+        .filter(own)
+        .map(|name| folder.join(name))
+        .collect()
 }
 
 fn remove_files(id: &str) {

@@ -34,14 +34,26 @@ impl<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> Outlet<T> {
                 .allocation_strategy(AllocationStrategy::Static)
                 .create()
         })?;
-        let wake = wake.iter().map(|waker| bus.notifier(*waker)).collect::<Result<_, _>>()?;
-        Ok(Self { publisher, wake, service, limit })
+        let wake = wake
+            .iter()
+            .map(|waker| bus.notifier(*waker))
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            publisher,
+            wake,
+            service,
+            limit,
+        })
     }
 
     fn publish(&self, header: SnapshotHeader, values: &[T]) -> Result<(), WireError> {
         if values.len() > self.limit {
             let (got, limit) = (values.len(), self.limit);
-            return Err(WireError::TooLong { what: self.service, got, limit });
+            return Err(WireError::TooLong {
+                what: self.service,
+                got,
+                limit,
+            });
         }
         let failed = |reason: String| WireError::Service {
             service: self.service.to_owned(),
@@ -53,7 +65,10 @@ impl<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> Outlet<T> {
             .loan_slice_uninit(values.len())
             .map_err(|e| failed(format!("{e:?}")))?;
         *sample.user_header_mut() = header;
-        sample.write_from_slice(values).send().map_err(|e| failed(format!("{e:?}")))?;
+        sample
+            .write_from_slice(values)
+            .send()
+            .map_err(|e| failed(format!("{e:?}")))?;
         self.wake.iter().for_each(|notifier| {
             let _ = notifier.notify();
         });
@@ -95,13 +110,14 @@ impl WeightsPublisher {
     ///
     /// # Errors
     /// More values than the run's limit, or what iceoryx2 refuses.
-    pub fn publish(
-        &self,
-        version: u64,
-        shape_hash: u64,
-        weights: &[f32],
-    ) -> Result<(), WireError> {
-        self.0.publish(SnapshotHeader { version, shape_hash }, weights)
+    pub fn publish(&self, version: u64, shape_hash: u64, weights: &[f32]) -> Result<(), WireError> {
+        self.0.publish(
+            SnapshotHeader {
+                version,
+                shape_hash,
+            },
+            weights,
+        )
     }
 
     /// To be called now and then, so that late joiners get the weights.
@@ -131,8 +147,10 @@ impl WeightsSubscriber {
     /// A port that cannot be made.
     pub fn new(bus: &Bus, module: Module) -> Result<Self, WireError> {
         let topic = bus.weights(module)?;
-        bus.port(module.service(), "get a subscriber", || topic.subscriber_builder().create())
-            .map(Self)
+        bus.port(module.service(), "get a subscriber", || {
+            topic.subscriber_builder().create()
+        })
+        .map(Self)
     }
 
     /// The newest weights, if there are newer ones than at the last call. Weights with values
@@ -140,10 +158,17 @@ impl WeightsSubscriber {
     #[must_use]
     pub fn latest(&self) -> Option<Weights> {
         let sample = newest(&self.0)?;
-        let SnapshotHeader { version, shape_hash } = *sample.user_header();
+        let SnapshotHeader {
+            version,
+            shape_hash,
+        } = *sample.user_header();
         let values = sample.payload().to_vec();
         let finite = values.iter().all(|value| value.is_finite());
-        finite.then_some(Weights { version, shape_hash, values })
+        finite.then_some(Weights {
+            version,
+            shape_hash,
+            values,
+        })
     }
 }
 
@@ -166,7 +191,13 @@ impl GraphPublisher {
     /// # Errors
     /// More bytes than the run's limit, or what iceoryx2 refuses.
     pub fn publish(&self, version: u64, bytes: &[u8]) -> Result<(), WireError> {
-        self.0.publish(SnapshotHeader { version, shape_hash: 0 }, bytes)
+        self.0.publish(
+            SnapshotHeader {
+                version,
+                shape_hash: 0,
+            },
+            bytes,
+        )
     }
 
     /// To be called now and then, so that late joiners get the graph.
@@ -185,7 +216,10 @@ impl GraphSubscriber {
     /// A port that cannot be made.
     pub fn new(bus: &Bus) -> Result<Self, WireError> {
         let topic = bus.graph()?;
-        bus.port("graph", "get a subscriber", || topic.subscriber_builder().create()).map(Self)
+        bus.port("graph", "get a subscriber", || {
+            topic.subscriber_builder().create()
+        })
+        .map(Self)
     }
 
     /// Version and bytes of the newest graph, if there is a newer one than at the last call.
@@ -205,7 +239,14 @@ impl DirectivePublisher {
     /// A port that cannot be made.
     pub fn new(bus: &Bus) -> Result<Self, WireError> {
         let topic = bus.directive()?;
-        Outlet::new(bus, &topic, "directive", 1, &[Waker::Readers, Waker::Actors]).map(Self)
+        Outlet::new(
+            bus,
+            &topic,
+            "directive",
+            1,
+            &[Waker::Readers, Waker::Actors],
+        )
+        .map(Self)
     }
 
     /// Says it to all, also to those who join later.
@@ -213,7 +254,8 @@ impl DirectivePublisher {
     /// # Errors
     /// What iceoryx2 refuses.
     pub fn publish(&self, directive: &Directive) -> Result<(), WireError> {
-        self.0.publish(SnapshotHeader::default(), std::slice::from_ref(directive))
+        self.0
+            .publish(SnapshotHeader::default(), std::slice::from_ref(directive))
     }
 
     /// To be called now and then, so that late joiners hear it.
@@ -238,7 +280,10 @@ impl DirectiveSubscriber {
         let subscriber = bus.port("directive", "get a subscriber", || {
             topic.subscriber_builder().create()
         })?;
-        Ok(Self { subscriber, last: Directive::default() })
+        Ok(Self {
+            subscriber,
+            last: Directive::default(),
+        })
     }
 
     /// The newest directive; the default one before the launcher has spoken.
@@ -286,7 +331,11 @@ mod tests {
         let publisher = DirectivePublisher::new(&host).unwrap();
         let mut subscriber = DirectiveSubscriber::new(&host).unwrap();
         assert_eq!(subscriber.latest().phase(), crate::Phase::Train);
-        let directive = Directive { phase: 1, episodes: 5, ..Directive::default() };
+        let directive = Directive {
+            phase: 1,
+            episodes: 5,
+            ..Directive::default()
+        };
         publisher.publish(&directive).unwrap();
         assert_eq!(subscriber.latest(), directive);
         assert_eq!(subscriber.latest(), directive);

@@ -50,7 +50,9 @@ pub enum WireError {
     #[error("no run '{0}' is alive on this machine; see `formica doctor`")]
     NoSuchRun(String),
     /// Another version of formica hosts the run.
-    #[error("the run speaks channel layout {theirs}, this program {ours}; use one version for both")]
+    #[error(
+        "the run speaks channel layout {theirs}, this program {ours}; use one version for both"
+    )]
     Layout {
         /// Layout of the run.
         theirs: u32,

@@ -79,7 +79,11 @@ impl Transition {
     /// Whether all values are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        self.observation.iter().chain(&self.action).chain(&self.goal).all(|v| v.is_finite())
+        self.observation
+            .iter()
+            .chain(&self.action)
+            .chain(&self.goal)
+            .all(|v| v.is_finite())
             && self.reward.is_finite()
             && self.log_prob.is_finite()
     }
@@ -258,7 +262,11 @@ impl Directive {
     /// Whether an evaluation episode is done.
     #[must_use]
     pub fn is_done(&self, episode: u32) -> bool {
-        let word = self.done.get(episode as usize / 64).copied().unwrap_or(u64::MAX);
+        let word = self
+            .done
+            .get(episode as usize / 64)
+            .copied()
+            .unwrap_or(u64::MAX);
         word >> (episode % 64) & 1 == 1
     }
 
@@ -295,7 +303,9 @@ impl Role {
     /// The role of a number in a [`Status`].
     #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {
-        [Self::GraphBuilder, Self::Learner, Self::Actor].into_iter().find(|r| *r as u32 == number)
+        [Self::GraphBuilder, Self::Learner, Self::Actor]
+            .into_iter()
+            .find(|r| *r as u32 == number)
     }
 }
 
@@ -404,7 +414,13 @@ impl Metric {
     /// A metric of this name.
     #[must_use]
     pub fn new(role: Role, id: u32, name: &str, step: u64, value: f64) -> Self {
-        Self { role: role as u32, id, step, value, name: padded(name) }
+        Self {
+            role: role as u32,
+            id,
+            step,
+            value,
+            name: padded(name),
+        }
     }
 
     /// Its name.
@@ -446,7 +462,10 @@ fn padded<const N: usize>(text: &str) -> [u8; N] {
 }
 
 fn unpadded(bytes: &[u8]) -> String {
-    let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+    let end = bytes
+        .iter()
+        .position(|byte| *byte == 0)
+        .unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).into_owned()
 }
 

@@ -21,14 +21,21 @@ impl Reporter {
     /// # Errors
     /// A port that cannot be made.
     pub fn new(bus: &Bus) -> Result<Self, WireError> {
-        let (status, metrics, results) =
-            (bus.report("status")?, bus.report("metrics")?, bus.report("results")?);
+        let (status, metrics, results) = (
+            bus.report("status")?,
+            bus.report("metrics")?,
+            bus.report("results")?,
+        );
         Ok(Self {
-            status: bus.port("status", "get a publisher", || status.publisher_builder().create())?,
-            metrics: bus
-                .port("metrics", "get a publisher", || metrics.publisher_builder().create())?,
-            results: bus
-                .port("results", "get a publisher", || results.publisher_builder().create())?,
+            status: bus.port("status", "get a publisher", || {
+                status.publisher_builder().create()
+            })?,
+            metrics: bus.port("metrics", "get a publisher", || {
+                metrics.publisher_builder().create()
+            })?,
+            results: bus.port("results", "get a publisher", || {
+                results.publisher_builder().create()
+            })?,
         })
     }
 
@@ -67,15 +74,21 @@ impl ReportReader {
     /// # Errors
     /// A port that cannot be made.
     pub fn new(bus: &Bus) -> Result<Self, WireError> {
-        let (status, metrics, results) =
-            (bus.report("status")?, bus.report("metrics")?, bus.report("results")?);
+        let (status, metrics, results) = (
+            bus.report("status")?,
+            bus.report("metrics")?,
+            bus.report("results")?,
+        );
         Ok(Self {
-            status: bus
-                .port("status", "get a subscriber", || status.subscriber_builder().create())?,
-            metrics: bus
-                .port("metrics", "get a subscriber", || metrics.subscriber_builder().create())?,
-            results: bus
-                .port("results", "get a subscriber", || results.subscriber_builder().create())?,
+            status: bus.port("status", "get a subscriber", || {
+                status.subscriber_builder().create()
+            })?,
+            metrics: bus.port("metrics", "get a subscriber", || {
+                metrics.subscriber_builder().create()
+            })?,
+            results: bus.port("results", "get a subscriber", || {
+                results.subscriber_builder().create()
+            })?,
         })
     }
 

@@ -88,10 +88,16 @@ impl TrajectorySender {
         while sender.oldest() == 0 {
             if let Some(silent) = sender.silent().filter(|_| start.elapsed() > deadline) {
                 let seconds = deadline.as_secs_f64();
-                return Err(WireError::NoAnswer { reader: silent.name(), actor, seconds });
+                return Err(WireError::NoAnswer {
+                    reader: silent.name(),
+                    actor,
+                    seconds,
+                });
             }
             sender.next = 0;
-            sender.publish(Kind::Hello, TrajectoryHeader::default(), 0, |_| Transition::default())?;
+            sender.publish(Kind::Hello, TrajectoryHeader::default(), 0, |_| {
+                Transition::default()
+            })?;
             sender.wait(REPEAT);
         }
         sender.next = 1;
@@ -99,18 +105,26 @@ impl TrajectorySender {
     }
 
     fn silent(&self) -> Option<Reader> {
-        self.readers.iter().copied().find(|reader| self.acknowledged[*reader as usize] == 0)
+        self.readers
+            .iter()
+            .copied()
+            .find(|reader| self.acknowledged[*reader as usize] == 0)
     }
 
     fn oldest(&self) -> u64 {
-        let next = self.readers.iter().map(|reader| self.acknowledged[*reader as usize]);
+        let next = self
+            .readers
+            .iter()
+            .map(|reader| self.acknowledged[*reader as usize]);
         next.min().unwrap_or(self.next)
     }
 
     fn read_acknowledgements(&mut self) {
         while let Ok(Some(table)) = self.acknowledgements.receive() {
             let own = table.payload().get(self.actor as usize);
-            let slot = self.acknowledged.get_mut(table.user_header().reader as usize);
+            let slot = self
+                .acknowledged
+                .get_mut(table.user_header().reader as usize);
             if let (Some(own), Some(slot)) = (own, slot)
                 && own.incarnation == self.incarnation
             {
@@ -129,7 +143,9 @@ impl TrajectorySender {
     pub fn wait_credit(&mut self, timeout: Duration) -> bool {
         let start = Instant::now();
         while !self.credit() {
-            let Some(left) = timeout.checked_sub(start.elapsed()) else { return false };
+            let Some(left) = timeout.checked_sub(start.elapsed()) else {
+                return false;
+            };
             sleep(&self.listener, left.min(REPEAT));
         }
         true
@@ -166,15 +182,21 @@ impl TrajectorySender {
         transition: impl FnMut(usize) -> Transition,
     ) -> Result<(), WireError> {
         if steps > self.limit {
-            return Err(WireError::TooLong { what: "trajectory", got: steps, limit: self.limit });
+            return Err(WireError::TooLong {
+                what: "trajectory",
+                got: steps,
+                limit: self.limit,
+            });
         }
         let failed = |reason: String| WireError::Service {
             service: "trajectories".to_owned(),
             action: "send",
             reason,
         };
-        let mut sample =
-            self.publisher.loan_slice_uninit(steps).map_err(|e| failed(format!("{e:?}")))?;
+        let mut sample = self
+            .publisher
+            .loan_slice_uninit(steps)
+            .map_err(|e| failed(format!("{e:?}")))?;
         *sample.user_header_mut() = TrajectoryHeader {
             layout: LAYOUT,
             actor: self.actor,
@@ -183,7 +205,10 @@ impl TrajectorySender {
             sequence: self.next,
             ..header
         };
-        sample.write_from_fn(transition).send().map_err(|e| failed(format!("{e:?}")))?;
+        sample
+            .write_from_fn(transition)
+            .send()
+            .map_err(|e| failed(format!("{e:?}")))?;
         self.next += 1;
         let _ = self.wake_readers.notify();
         Ok(())
@@ -295,7 +320,9 @@ impl TrajectoryReceiver {
         mut take: impl FnMut(&TrajectoryHeader, &[Transition]),
     ) -> usize {
         for number in 0..most {
-            let Ok(Some(sample)) = self.subscriber.receive() else { return number };
+            let Ok(Some(sample)) = self.subscriber.receive() else {
+                return number;
+            };
             let (header, steps) = (*sample.user_header(), sample.payload());
             let known = header.layout == LAYOUT
                 && (header.actor as usize) < MAX_ACTORS
@@ -327,7 +354,10 @@ impl TrajectoryReceiver {
         self.news = true;
         let source = &mut self.sources[header.actor as usize];
         if source.incarnation != header.incarnation {
-            *source = SourceCounts { incarnation: header.incarnation, ..SourceCounts::default() };
+            *source = SourceCounts {
+                incarnation: header.incarnation,
+                ..SourceCounts::default()
+            };
             if header.kind != Kind::Hello as u32 {
                 // This reader was restarted and had no hello: it counts from here.
                 source.next = header.sequence;
@@ -353,8 +383,12 @@ impl TrajectoryReceiver {
             let _ = self.publisher.update_connections();
             return;
         }
-        let Ok(mut sample) = self.publisher.loan_slice_uninit(MAX_ACTORS) else { return };
-        *sample.user_header_mut() = AcknowledgementHeader { reader: self.reader as u32 };
+        let Ok(mut sample) = self.publisher.loan_slice_uninit(MAX_ACTORS) else {
+            return;
+        };
+        *sample.user_header_mut() = AcknowledgementHeader {
+            reader: self.reader as u32,
+        };
         let sources = &self.sources;
         let sample = sample.write_from_fn(|actor| Acknowledgement {
             incarnation: sources[actor].incarnation,
@@ -381,12 +415,18 @@ impl TrajectoryReceiver {
     /// Transitions from actors that took their leave.
     #[must_use]
     pub fn settled(&self) -> u64 {
-        self.sources.iter().filter(|source| source.left).map(|source| source.transitions).sum()
+        self.sources
+            .iter()
+            .filter(|source| source.left)
+            .map(|source| source.transitions)
+            .sum()
     }
 
     /// What was received from the newest process of each actor id.
     pub fn sources(&self) -> impl Iterator<Item = (u32, SourceCounts)> + '_ {
-        (0..).zip(self.sources).filter(|(_, source)| source.incarnation != 0)
+        (0..)
+            .zip(self.sources)
+            .filter(|(_, source)| source.incarnation != 0)
     }
 }
 
@@ -397,7 +437,10 @@ mod tests {
     use crate::domain::RunDomain;
 
     fn step(value: f32) -> Transition {
-        Transition { reward: value, ..Transition::default() }
+        Transition {
+            reward: value,
+            ..Transition::default()
+        }
     }
 
     #[test]
@@ -427,7 +470,11 @@ mod tests {
             let mut receiver = TrajectoryReceiver::new(&bus, Reader::Learner).unwrap();
             let start = Instant::now();
             while receiver.sources().filter(|(_, s)| s.left).count() < 3 {
-                assert!(start.elapsed() < Duration::from_secs(20), "{:?}", receiver.counts());
+                assert!(
+                    start.elapsed() < Duration::from_secs(20),
+                    "{:?}",
+                    receiver.counts()
+                );
                 receiver.receive(2, |header, steps| {
                     sums[header.actor as usize] +=
                         steps.iter().map(|s| f64::from(s.reward)).sum::<f64>();
@@ -463,7 +510,11 @@ mod tests {
                     sender.send_with(header, 1, |_| step(value)).unwrap();
                     sent += 1;
                 }
-                assert!(sender.send_with(TrajectoryHeader::default(), 66, |_| step(0.0)).is_err());
+                assert!(
+                    sender
+                        .send_with(TrajectoryHeader::default(), 66, |_| step(0.0))
+                        .is_err()
+                );
                 ready.send(sent).unwrap();
             });
             // Answers the hello and then nothing.
@@ -476,7 +527,10 @@ mod tests {
         });
         receiver.receive(100, |_, _| {});
         let counts = receiver.counts();
-        assert_eq!((counts.trajectories, counts.refused, counts.lost), (3, 1, 0));
+        assert_eq!(
+            (counts.trajectories, counts.refused, counts.lost),
+            (3, 1, 0)
+        );
         drop(receiver);
         drop(host);
         domain.remove();
@@ -486,8 +540,19 @@ mod tests {
     fn nobody_at_home_is_an_error_with_a_name() {
         let domain = RunDomain::create().unwrap();
         let host = Bus::host(&domain, &limits()).unwrap();
-        let error = TrajectorySender::connect(&host, 0, Duration::from_millis(150)).err().unwrap();
-        assert!(matches!(error, WireError::NoAnswer { reader: "learner", .. }), "{error}");
+        let error = TrajectorySender::connect(&host, 0, Duration::from_millis(150))
+            .err()
+            .unwrap();
+        assert!(
+            matches!(
+                error,
+                WireError::NoAnswer {
+                    reader: "learner",
+                    ..
+                }
+            ),
+            "{error}"
+        );
         drop(host);
         domain.remove();
     }

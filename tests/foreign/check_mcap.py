@@ -1,0 +1,65 @@
+#!/usr/bin/env python3
+"""Opens traces with the official Python reader and decodes every message.
+
+Usage: check_mcap.py TRACE...      (pip install mcap mcap-protobuf-support)
+Exit code: 0 all fine, 1 a trace is wrong, 2 usage.
+"""
+
+import sys
+from collections import Counter
+
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+METADATA = "formica.episode"
+
+
+def check(path):
+    counts, last = Counter(), 0
+    with open(path, "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
+        # In the order of the file, so that an order that is wrong shows.
+        for _, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False):
+            assert message.log_time >= last, f"time runs backwards on {channel.topic}"
+            last = message.log_time
+            counts[channel.topic] += 1
+            if channel.topic == "/step":
+                assert decoded.step == counts["/step"] - 1, f"step {decoded.step} out of order"
+                assert len(decoded.observation) == 29, "an observation has 29 values"
+                assert len(decoded.action) == 8, "an action has 8 values"
+                assert len(decoded.neighbours) == len(decoded.probabilities)
+                time = decoded.timestamp.seconds * 10**9 + decoded.timestamp.nanos
+                assert time == message.log_time, "the step's own time is its log time"
+            elif channel.topic == "/tf":
+                assert len(decoded.transforms) == 9, "the ant has nine bodies"
+        metadata = [record for record in reader.iter_metadata() if record.name == METADATA]
+        assert len(metadata) == 1, f"{len(metadata)} records '{METADATA}'"
+        metadata = metadata[0].metadata
+        assert int(metadata["steps"]) == counts["/step"], "metadata and /step tell other counts"
+        attachments = sorted(attachment.name for attachment in reader.iter_attachments())
+        assert attachments == ["config.toml", "layout.json"], attachments
+        statistics = reader.get_summary().statistics
+        assert statistics.message_count == counts.total(), "the statistics tell another count"
+    print(path)
+    for topic, count in sorted(counts.items()):
+        print(f"  {topic:14} {count}")
+    for key, value in sorted(metadata.items()):
+        print(f"  {key} = {value}")
+
+
+def main():
+    if len(sys.argv) < 2:
+        print(__doc__, file=sys.stderr)
+        return 2
+    failed = False
+    for path in sys.argv[1:]:
+        try:
+            check(path)
+        except Exception as error:  # whatever the reader raises is a finding
+            print(f"{path}: {type(error).__name__}: {error}", file=sys.stderr)
+            failed = True
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
