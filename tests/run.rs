@@ -1,6 +1,8 @@
 //! A whole small run: to its score, with an actor killed on the way, and ended from outside.
 //! One test at a time: the machine has few cores.
 
+#![allow(clippy::unwrap_used)] // Helpers of tests are tests too.
+
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::Mutex;

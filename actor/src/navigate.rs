@@ -216,9 +216,8 @@ impl Actor<'_> {
                 }
                 Phase::Evaluate if self.is_current(&directive) => {
                     self.status.state = State::Working as u32;
-                    if let Some(result) = unreported.take_if(|r| directive.is_done(r.episode)) {
-                        drop(result);
-                    } else if let Some(result) = &unreported {
+                    unreported = unreported.filter(|result| !directive.is_done(result.episode));
+                    if let Some(result) = &unreported {
                         // Sent again until the launcher's directive shows it.
                         self.reporter.result(result);
                         self.sender.wait(Duration::from_millis(50));

@@ -13,7 +13,7 @@ const BUILT_IN: &[u8] = include_bytes!("../../assets/walker.safetensors");
 
 /// A walker and the buffers of one ant.
 #[derive(Clone)]
-pub struct Walker {
+pub(crate) struct Walker {
     policy: Policy,
     weights: Vec<f32>,
     workspace: Workspace,
@@ -24,7 +24,7 @@ impl Walker {
     ///
     /// # Errors
     /// A file that cannot be read or is no walker.
-    pub fn load(path: Option<&Path>) -> anyhow::Result<Self> {
+    pub(crate) fn load(path: Option<&Path>) -> anyhow::Result<Self> {
         let file = match path {
             Some(path) => ParameterFile::load(path),
             None => ParameterFile::from_bytes(BUILT_IN),
@@ -59,7 +59,7 @@ impl Walker {
     }
 
     /// The mean action in an observation (29 values) towards a world direction.
-    pub fn act(&mut self, observation: &[f32], direction: [f32; 2]) -> Action {
+    pub(crate) fn act(&mut self, observation: &[f32], direction: [f32; 2]) -> Action {
         let frame = Egocentric::new(observation, direction);
         let mean = self
             .policy

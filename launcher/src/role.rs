@@ -35,11 +35,10 @@ pub(crate) fn run(
             if launcher.is_some() && getppid() != launcher {
                 watched.store(true, Ordering::Relaxed);
             }
-            if watched.load(Ordering::Relaxed) {
-                if stopping.get_or_insert_with(Instant::now).elapsed() > GRACE {
-                    eprintln!("formica: did not end within {GRACE:?} of being asked to");
-                    std::process::exit(1);
-                }
+            let asked = watched.load(Ordering::Relaxed);
+            if asked && stopping.get_or_insert_with(Instant::now).elapsed() > GRACE {
+                eprintln!("formica: did not end within {GRACE:?} of being asked to");
+                std::process::exit(1);
             }
             std::thread::sleep(Duration::from_millis(250));
         }

@@ -18,7 +18,7 @@ struct Reader<'p> {
 }
 
 impl Reader<'_> {
-    fn key(&self, key: &'static str, reason: impl ToString) -> DatasetError {
+    fn key(&self, key: &'static str, reason: impl std::fmt::Display) -> DatasetError {
         DatasetError::Key {
             path: self.path.to_path_buf(),
             key,

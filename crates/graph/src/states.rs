@@ -63,7 +63,7 @@ pub fn select(
             .map_or(1, |count| count.div_ceil(rule.per_place.max(1)));
         let count = seen.entry(cell).or_default();
         *count += 1;
-        (*count - 1) % stride == 0
+        (*count - 1).is_multiple_of(stride)
     });
     rows
 }

@@ -488,7 +488,7 @@ mod tests {
             for step in 0..400 {
                 world.step(&std::array::from_fn(|_| rng.random_range(-1.0..=1.0)));
                 let o = world.observation();
-                assert!(o.iter().all(|v| v.is_finite()));
+                assert!(o.iter().copied().all(f32::is_finite));
                 assert!(o[2] < 2.0, "torso at {} m", o[2]);
                 // The reset pose starts the ankles 30 degrees outside their range.
                 if step >= 10 {

@@ -63,7 +63,7 @@ fn tanh_pair(z: f32) -> (f32, f32) {
 /// GELU in its tanh form, and its derivative.
 #[inline(always)]
 fn gelu_pair(z: f32) -> (f32, f32) {
-    const TWICE_SQRT_2_PI: f32 = 1.595_769_1;
+    const TWICE_SQRT_2_PI: f32 = 1.595_769;
     const CUBIC: f32 = 0.044_715;
     let square = z * z;
     let s = 1.0 / (1.0 + exp(-TWICE_SQRT_2_PI * z * square.mul_add(CUBIC, 1.0)));
