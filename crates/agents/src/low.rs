@@ -399,7 +399,7 @@ mod tests {
         };
         let mut low = Low::new(2, settings, &mut rng);
         let mut policy_error = (0.0, 0.0);
-        for update in 0..900 {
+        for update in 0..3000 {
             let rows: Vec<_> = (0..64)
                 .map(|_| {
                     let mut observation = [0.0_f32; 29];
@@ -429,7 +429,7 @@ mod tests {
                 })
                 .collect();
             low.update(&samples);
-            if update >= 800 {
+            if update >= 2900 {
                 let policy = low.policy().clone();
                 let mut workspace = policy.mlp().workspace(1);
                 let mut input = vec![];
