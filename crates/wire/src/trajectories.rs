@@ -19,6 +19,9 @@ use crate::records::{
 /// How often a hello is said again, and a waiting side looks up without being woken.
 const REPEAT: Duration = Duration::from_millis(100);
 
+/// How often the second hello is said again.
+const SECOND_REPEAT: Duration = Duration::from_secs(2);
+
 /// An actor's end.
 pub struct TrajectorySender {
     publisher: Publisher<Ipc, [Transition], TrajectoryHeader>,
@@ -84,31 +87,40 @@ impl TrajectorySender {
             acknowledged: [0; 2],
             transitions: 0,
         };
+        // The first hello is repeated until each reader has seen one. The second lies behind all
+        // repeats: once it is acknowledged the buffers are empty and the window holds.
         let start = Instant::now();
-        while sender.oldest() == 0 {
-            if let Some(silent) = sender.silent().filter(|_| start.elapsed() > deadline) {
-                let seconds = deadline.as_secs_f64();
-                return Err(WireError::NoAnswer {
-                    reader: silent.name(),
-                    actor,
-                    seconds,
-                });
+        for (greeting, repeat) in [(0, REPEAT), (1, SECOND_REPEAT)] {
+            let mut said: Option<Instant> = None;
+            while sender.oldest() <= greeting {
+                if start.elapsed() > deadline {
+                    let reader = sender.silent(greeting).map_or("a reader", Reader::name);
+                    let seconds = deadline.as_secs_f64();
+                    return Err(WireError::NoAnswer {
+                        reader,
+                        actor,
+                        seconds,
+                    });
+                }
+                if said.is_none_or(|said| said.elapsed() >= repeat) {
+                    sender.next = greeting;
+                    let header = TrajectoryHeader::default();
+                    sender.publish(Kind::Hello, header, 0, |_| Transition::default())?;
+                    said = Some(Instant::now());
+                }
+                sender.wait(REPEAT);
             }
-            sender.next = 0;
-            sender.publish(Kind::Hello, TrajectoryHeader::default(), 0, |_| {
-                Transition::default()
-            })?;
-            sender.wait(REPEAT);
         }
-        sender.next = 1;
+        sender.next = 2;
         Ok(sender)
     }
 
-    fn silent(&self) -> Option<Reader> {
+    fn silent(&self, greeting: u64) -> Option<Reader> {
+        let next = |reader: &Reader| self.acknowledged[*reader as usize];
         self.readers
             .iter()
             .copied()
-            .find(|reader| self.acknowledged[*reader as usize] == 0)
+            .find(|reader| next(reader) <= greeting)
     }
 
     fn oldest(&self) -> u64 {
@@ -223,7 +235,7 @@ impl TrajectorySender {
     /// Says goodbye and waits until all is acknowledged, at most for `timeout`.
     pub fn drain(&mut self, timeout: Duration) -> Drained {
         let start = Instant::now();
-        let trajectories = self.next.saturating_sub(1);
+        let trajectories = self.next.saturating_sub(2);
         // The goodbye has a place of its own beyond the window.
         let said = self.publish(Kind::Bye, TrajectoryHeader::default(), 0, |_| {
             Transition::default()
@@ -363,7 +375,7 @@ impl TrajectoryReceiver {
                 source.next = header.sequence;
             }
         }
-        if header.kind == Kind::Hello as u32 && source.next > 0 {
+        if header.kind == Kind::Hello as u32 && header.sequence < source.next {
             return false; // Said again while the answer was on its way.
         }
         if header.sequence < source.next {
@@ -483,7 +495,11 @@ mod tests {
                 receiver.wait(Duration::from_millis(1));
             }
             let counts = receiver.counts();
-            assert_eq!((counts.trajectories, counts.transitions), (300, 3000));
+            assert_eq!(
+                (counts.trajectories, counts.transitions),
+                (300, 3000),
+                "{counts:?}"
+            );
             assert_eq!((counts.lost, counts.repeated, counts.refused), (0, 0, 0));
         });
         assert_eq!(sums, [10.0 * 99.0 * 50.0; 3]);
@@ -517,11 +533,12 @@ mod tests {
                 );
                 ready.send(sent).unwrap();
             });
-            // Answers the hello and then nothing.
-            while receiver.receive(1, |_, _| {}) == 0 {
+            // Answers both hellos and then nothing.
+            while receiver.sources().all(|(_, source)| source.next < 2) {
+                receiver.receive(1, |_, _| {});
+                receiver.acknowledge();
                 receiver.wait(Duration::from_millis(10));
             }
-            receiver.acknowledge();
             let sent = wait.recv_timeout(Duration::from_secs(10)).unwrap();
             assert_eq!(sent, limits().window);
         });
