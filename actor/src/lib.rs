@@ -57,11 +57,6 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
 /// # Errors
 /// What is wrong with the map.
 pub fn layout(config: &Config) -> anyhow::Result<Layout> {
-    let maze = &config.maze;
-    let layout = if maze.layout == "custom" {
-        Layout::from_rows(&maze.rows)
-    } else {
-        Layout::named(&maze.layout)
-    };
+    let layout = Layout::of(&config.maze.layout, &config.maze.rows);
     layout.context("maze")
 }

@@ -46,11 +46,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder)?;
     let data = Dataset::open(Path::new(&config.dataset))?;
-    let layout = if config.maze.layout == "custom" {
-        Layout::from_rows(&config.maze.rows)?
-    } else {
-        Layout::named(&config.maze.layout)?
-    };
+    let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
     Builder {
         encoder: WeightsSubscriber::new(&bus, Module::Encoder)?,
         publisher: GraphPublisher::new(&bus)?,
@@ -65,6 +61,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
         layout: &layout,
         tried: 0,
         reached: 0,
+        told: 0,
     }
     .work(&data, stop)
 }
@@ -83,6 +80,8 @@ struct Builder<'a> {
     published: Instant,
     tried: u64,
     reached: u64,
+    /// Tries that the published version knows of.
+    told: u64,
 }
 
 /// Books the edges that a trajectory settled; returns how many were tried and reached.
@@ -114,7 +113,6 @@ impl Builder<'_> {
         let mut pulse = Instant::now();
         while !stop.load(Ordering::Relaxed) {
             let phase = self.directives.latest().phase();
-            let before = self.tried;
             self.receive();
             if let Some(weights) = self.encoder.latest()
                 && self.graph.is_none()
@@ -126,20 +124,20 @@ impl Builder<'_> {
                 self.measure(&graph);
                 self.publish(graph)?;
             }
-            let news = self.tried > before || self.status.progress[0] < self.tried;
-            if news && phase == Phase::Train && self.published.elapsed() >= refresh {
-                self.status.progress[0] = self.tried;
-                if let Some(mut graph) = self.graph.take() {
-                    graph.version += 1;
-                    self.publish(graph)?;
-                }
+            let due = self.tried > self.told && self.published.elapsed() >= refresh;
+            if due
+                && phase == Phase::Train
+                && let Some(mut graph) = self.graph.take()
+            {
+                graph.version += 1;
+                self.publish(graph)?;
             }
             self.publisher.keep_alive();
             if pulse.elapsed() > Duration::from_millis(500) {
                 self.pulse();
                 pulse = Instant::now();
             }
-            if phase == Phase::Finish && self.receiver.sources().all(|(_, source)| source.left) {
+            if phase == Phase::Finish && self.receiver.all_left() {
                 break;
             }
             self.receiver.wait(Duration::from_millis(50));
@@ -172,6 +170,7 @@ impl Builder<'_> {
         self.publisher.publish(graph.version, &graph.to_bytes())?;
         graph.save(&self.folder.join("graph.bin"))?;
         self.published = Instant::now();
+        self.told = self.tried;
         self.status.versions[2] = graph.version;
         self.status.state = State::Trained as u32;
         self.metric("graph/edges_tried", self.tried as f64);
@@ -209,7 +208,6 @@ impl Builder<'_> {
     }
 
     fn pulse(&mut self) {
-        let counts = self.receiver.counts();
         let s = &mut self.status;
         if let Some(graph) = &self.graph {
             let share = 100.0 * self.reached as f64 / self.tried.max(1) as f64;
@@ -220,11 +218,7 @@ impl Builder<'_> {
                 self.tried
             ));
         }
-        s.received = counts.transitions;
-        s.settled = self.receiver.settled();
-        s.lost = counts.lost;
-        s.refused = counts.refused;
-        s.progress[1] = 0;
+        self.receiver.report(s);
         self.reporter.status(s);
     }
 }

@@ -44,15 +44,13 @@ struct Run<'c> {
 /// Launches a run and stays until it has ended.
 pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
     let interrupts = Arc::new(AtomicUsize::new(0));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        let count = Arc::clone(&interrupts);
-        let mut signals = signal_hook::iterator::Signals::new([signal])?;
-        std::thread::spawn(move || {
-            for _ in signals.forever() {
-                count.fetch_add(1, Ordering::Relaxed);
-            }
-        });
-    }
+    let count = Arc::clone(&interrupts);
+    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])?;
+    std::thread::spawn(move || {
+        for _ in signals.forever() {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+    });
     for dead in wire::leftovers().iter().filter(|run| !run.alive) {
         if wire::clear(dead) {
             println!(

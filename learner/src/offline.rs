@@ -138,7 +138,6 @@ struct Learner<'c> {
     reporter: Reporter,
     status: Status,
     encoder: Option<Vec<f32>>,
-    graph: Option<Graph>,
     /// Versions of encoder, low and high.
     versions: [u64; 3],
     trained: [bool; 2],
@@ -174,7 +173,6 @@ pub(crate) fn run(
         reporter,
         status,
         encoder: None,
-        graph: None,
         versions: [0; 3],
         trained: [false; 2],
         newest: [vec![], vec![]],
@@ -205,10 +203,8 @@ impl<'c> Learner<'c> {
         'c: 's,
     {
         let (sender, news): (Sender<News>, Receiver<News>) = mpsc::channel();
-        let (words, mut ears) = {
-            let (words, ears) = mpsc::channel();
-            (words, Some(ears))
-        };
+        let (words, ears) = mpsc::channel();
+        let mut ears = Some(ears);
         let config = self.config;
         spawn(scope, &sender, halt, move |post| {
             encoder::train(config, data, post)
@@ -246,20 +242,18 @@ impl<'c> Learner<'c> {
                     spawn(scope, &sender, halt, move |post| {
                         low::train(config, data, &own, &encoder, post)
                     });
-                    let own = graph.clone();
                     spawn(scope, &sender, halt, move |post| {
-                        high::train(config, own, &ears, post)
+                        high::train(config, graph, &ears, post)
                     });
                 } else {
-                    let _ = words.send(Word::Graph(Box::new(graph.clone())));
+                    let _ = words.send(Word::Graph(Box::new(graph)));
                 }
-                self.graph = Some(graph);
             }
             if pulse.elapsed() > Duration::from_millis(500) {
                 self.pulse();
                 pulse = Instant::now();
             }
-            if phase == Phase::Finish && self.receiver.sources().all(|(_, source)| source.left) {
+            if phase == Phase::Finish && self.receiver.all_left() {
                 return Ok(());
             }
             self.receiver.wait(Duration::from_millis(50));
@@ -326,12 +320,11 @@ impl<'c> Learner<'c> {
         let [encoder, low, high] = self.progress.map(share);
         let text = if self.encoder.is_none() {
             format!("encoder {encoder}%")
-        } else if self.graph.is_none() {
+        } else if self.status.versions[2] == 0 {
             "waits for the graph".to_owned()
         } else {
             format!("low {low}%, high {high}%")
         };
-        let counts = self.receiver.counts();
         let s = &mut self.status;
         s.set_text(&text);
         let trained = self.trained == [true; 2];
@@ -340,10 +333,7 @@ impl<'c> Learner<'c> {
         } else {
             State::Working
         } as u32;
-        s.received = counts.transitions;
-        s.settled = self.receiver.settled();
-        s.lost = counts.lost;
-        s.refused = counts.refused;
+        self.receiver.report(s);
         s.updates = self.progress[1][0];
         s.versions[..2].copy_from_slice(&self.versions[1..]);
         self.reporter.status(s);

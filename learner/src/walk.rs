@@ -191,20 +191,16 @@ pub(crate) fn run(
         if batch.len() >= w.batch {
             batch.clear(); // Trained: what still comes is only counted.
         }
-        let everyone_left = receiver.sources().all(|(_, source)| source.left);
-        if phase == Phase::Finish && everyone_left {
+        if phase == Phase::Finish && receiver.all_left() {
             break;
         }
         if pulse.elapsed() > Duration::from_millis(500) {
-            let counts = receiver.counts();
             status.state = if steps >= total {
                 State::Trained
             } else {
                 State::Working
             } as u32;
-            status.received = counts.transitions;
-            status.lost = counts.lost;
-            status.refused = counts.refused;
+            receiver.report(&mut status);
             status.updates = version - 1;
             status.versions[0] = version;
             status.progress = [steps, total];
@@ -217,11 +213,8 @@ pub(crate) fn run(
         let output = Path::new(&w.output);
         save(&learner, config, output).with_context(|| format!("writing {}", output.display()))?;
     }
-    let counts = receiver.counts();
     status.state = State::Finished as u32;
-    status.received = counts.transitions;
-    status.settled = receiver.settled();
-    status.lost = counts.lost;
+    receiver.report(&mut status);
     reporter.status(&status);
     Ok(())
 }

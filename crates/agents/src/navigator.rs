@@ -177,9 +177,9 @@ impl Navigator {
     ) -> Decision {
         let place = [observation[0], observation[1]];
         self.latent.clear();
-        let latent = self.encoder.encode_one(place).to_vec();
-        self.latent.extend_from_slice(&latent);
-        let node = self.graph.nearest(&latent).unwrap_or(0);
+        self.latent
+            .extend_from_slice(self.encoder.encode_one(place));
+        let node = self.graph.nearest(&self.latent).unwrap_or(0);
 
         let outcome = self.settle(node, place);
         if outcome.is_some() {
@@ -213,7 +213,7 @@ impl Navigator {
         let place = target.place;
         self.input.clear();
         let (policy, weights) = &self.low;
-        let frame = policy.input(observation, &latent, target, &mut self.input);
+        let frame = policy.input(observation, &self.latent, target, &mut self.input);
         let mean = policy.act(weights, &self.input, 1, &mut self.low_workspace);
         let action = frame.to_actuators(mean);
         Decision {

@@ -99,6 +99,17 @@ impl Layout {
         Ok(layout)
     }
 
+    /// The maze that a run file means: the rows for `custom`, else the one of that name.
+    ///
+    /// # Errors
+    /// Any [`LayoutError`].
+    pub fn of<S: AsRef<str>>(name: &str, rows: &[S]) -> Result<Self, LayoutError> {
+        match name {
+            "custom" => Self::from_rows(rows),
+            _ => Self::named(name),
+        }
+    }
+
     /// Reads a map from its rows of text.
     ///
     /// # Errors

@@ -143,20 +143,13 @@ impl AntMaze {
 
     /// Puts the ant at rest at a place (m) in D4RL's reset pose without noise.
     pub fn reset_to(&mut self, place: [f32; 2]) {
-        let mut observation = [0.0; OBSERVATION];
-        observation[..2].copy_from_slice(&place);
-        observation[2] = RESET_HEIGHT;
-        observation[3] = 1.0;
-        self.set(&observation);
+        self.set(&reset_pose(place));
     }
 
     /// Puts the ant at a place (m) with D4RL's reset noise: positions U(-0.1, 0.1), velocities
     /// 0.1 N(0, 1).
     pub fn reset(&mut self, place: [f32; 2], rng: &mut impl Rng) {
-        let mut observation = [0.0; OBSERVATION];
-        observation[..2].copy_from_slice(&place);
-        observation[2] = RESET_HEIGHT;
-        observation[3] = 1.0;
+        let mut observation = reset_pose(place);
         if let Ok(noise) = Uniform::new_inclusive(-0.1, 0.1) {
             for value in &mut observation[..15] {
                 *value += noise.sample(rng);
@@ -325,6 +318,15 @@ impl AntMaze {
     pub fn restore(&mut self, state: &State) {
         self.sets.clone_from(&state.0);
     }
+}
+
+/// D4RL's reset pose at a place (m), without noise and at rest.
+fn reset_pose(place: [f32; 2]) -> Observation {
+    let mut observation = [0.0; OBSERVATION];
+    observation[..2].copy_from_slice(&place);
+    observation[2] = RESET_HEIGHT;
+    observation[3] = 1.0;
+    observation
 }
 
 fn build_maze(sets: &mut Sets, layout: &Layout, walls: bool) {

@@ -12,8 +12,8 @@ use iceoryx2::prelude::*;
 use crate::WireError;
 use crate::bus::{Bus, Ipc, Waker, sleep};
 use crate::records::{
-    Acknowledgement, AcknowledgementHeader, Kind, LAYOUT, MAX_ACTORS, Reader, TrajectoryHeader,
-    Transition,
+    Acknowledgement, AcknowledgementHeader, Kind, LAYOUT, MAX_ACTORS, Reader, Status,
+    TrajectoryHeader, Transition,
 };
 
 /// How often a hello is said again, and a waiting side looks up without being woken.
@@ -418,6 +418,20 @@ impl TrajectoryReceiver {
         sleep(&self.listener, timeout);
     }
 
+    /// Writes what was received into a status.
+    pub fn report(&self, status: &mut Status) {
+        status.received = self.counts.transitions;
+        status.settled = self.settled();
+        status.lost = self.counts.lost;
+        status.refused = self.counts.refused;
+    }
+
+    /// Whether every actor that ever said hello has taken its leave.
+    #[must_use]
+    pub fn all_left(&self) -> bool {
+        self.sources().all(|(_, source)| source.left)
+    }
+
     /// What was received in all.
     #[must_use]
     pub fn counts(&self) -> Counts {
@@ -425,8 +439,7 @@ impl TrajectoryReceiver {
     }
 
     /// Transitions from actors that took their leave.
-    #[must_use]
-    pub fn settled(&self) -> u64 {
+    fn settled(&self) -> u64 {
         self.sources
             .iter()
             .filter(|source| source.left)
