@@ -6,7 +6,7 @@
 use std::fmt;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, mpsc};
+use std::sync::mpsc;
 
 use config::{Collect, Config};
 use dataset::d4rl;
@@ -62,15 +62,16 @@ impl fmt::Display for Collected {
 }
 
 /// Collects the data set of a config and writes it in D4RL's layout. The same seed gives the same
-/// file, whatever the number of threads. `progress` is told transitions done and to do.
+/// file, whatever the number of threads. `progress` is told transitions done and to do. None, and
+/// no file, once `stop` is set.
 ///
 /// # Errors
-/// No `[collect]` table, a walker that cannot be read, a file that cannot be written, a stop.
+/// No `[collect]` table, a walker that cannot be read, a file that cannot be written.
 pub fn collect(
     config: &Config,
-    stop: &Arc<AtomicBool>,
+    stop: &AtomicBool,
     mut progress: impl FnMut(usize, usize),
-) -> anyhow::Result<Collected> {
+) -> anyhow::Result<Option<Collected>> {
     let Some(settings) = &config.collect else {
         anyhow::bail!("the config has no [collect] table");
     };
@@ -84,7 +85,7 @@ pub fn collect(
     std::thread::scope(|scope| {
         for _ in 0..settings.threads {
             let (sender, mut walker) = (sender.clone(), walker.clone());
-            let (layout, next, stop) = (&layout, &next, &stop);
+            let (layout, next) = (&layout, &next);
             scope.spawn(move || {
                 let mut ant = AntMaze::new(layout, Physics::MAZE);
                 while !stop.load(Ordering::Relaxed) {
@@ -108,11 +109,10 @@ pub fn collect(
             progress(done.min(settings.transitions), settings.transitions);
         }
     });
-    anyhow::ensure!(
-        !stop.load(Ordering::Relaxed),
-        "stopped before the data set was whole"
-    );
-    write(config, &layout, episodes.into_iter().flatten(), rows)
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    write(config, &layout, episodes.into_iter().flatten(), rows).map(Some)
 }
 
 fn walk(

@@ -1,19 +1,17 @@
 //! The whole run under supervision.
 
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use config::{Config, Kind};
 use rustix::process::Signal;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use wire::{
     Bus, Directive, DirectivePublisher, EpisodeResult, Phase, ReportReader, Role, RunDomain, State,
 };
 
 use crate::children::{Children, Ended};
+use crate::interrupts::Interrupts;
 use crate::progress::{MetricsFile, Progress, Statuses};
 use crate::{check, folder, role};
 
@@ -36,21 +34,14 @@ struct Run<'c> {
     metrics: MetricsFile,
     progress: Progress,
     results: Vec<Option<EpisodeResult>>,
-    interrupts: Arc<AtomicUsize>,
+    interrupts: Interrupts,
     /// Why the run ends before its time.
     failure: Option<String>,
 }
 
 /// Launches a run and stays until it has ended.
 pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
-    let interrupts = Arc::new(AtomicUsize::new(0));
-    let count = Arc::clone(&interrupts);
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP])?;
-    std::thread::spawn(move || {
-        for _ in signals.forever() {
-            count.fetch_add(1, Ordering::Relaxed);
-        }
-    });
+    let interrupts = Interrupts::listen()?;
     for dead in wire::leftovers().iter().filter(|run| !run.alive) {
         if wire::clear(dead) {
             println!(
@@ -89,16 +80,14 @@ pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
     report
 }
 
-/// Makes the data set where it is missing. Some exit code when that failed.
-fn collect(config: &Config, interrupts: &AtomicUsize) -> anyhow::Result<Option<ExitCode>> {
+/// Makes the data set where it is missing. Some exit code when a signal stopped that.
+fn collect(config: &Config, interrupts: &Interrupts) -> anyhow::Result<Option<ExitCode>> {
     let missing = !std::path::Path::new(&config.dataset).is_file();
     if config.run.kind == Kind::Walker || config.collect.is_none() || !missing {
         return Ok(None);
     }
     println!("collect: making {}", config.dataset);
-    role::collect(config)?;
-    let stopped = interrupts.load(Ordering::Relaxed) > 0;
-    Ok(stopped.then(|| ExitCode::from(130)))
+    Ok((!role::collect(config, interrupts)?).then(|| ExitCode::from(130)))
 }
 
 impl Run<'_> {
@@ -122,7 +111,7 @@ impl Run<'_> {
             }
             self.directives.keep_alive();
             self.tend(false)?;
-            if self.failure.is_some() || self.interrupts.load(Ordering::Relaxed) > 0 {
+            if self.failure.is_some() || self.interrupts.count() > 0 {
                 break;
             }
             let phase = match self.directive.phase() {
@@ -245,11 +234,11 @@ impl Run<'_> {
 
     /// Ends all processes in order: by word, by SIGTERM, by SIGKILL.
     fn finish(&mut self) -> anyhow::Result<()> {
-        let early = self.failure.is_some() || self.interrupts.load(Ordering::Relaxed) > 0;
+        let early = self.failure.is_some() || self.interrupts.count() > 0;
         self.directive.phase = Phase::Finish as u32;
         self.directives.publish(&self.directive)?;
         let start = Instant::now();
-        let seen = self.interrupts.load(Ordering::Relaxed);
+        let seen = self.interrupts.count();
         let (mut termed, mut killed) = (false, false);
         while self.children.any_left(true) {
             self.read_reports()?;
@@ -258,7 +247,7 @@ impl Run<'_> {
             self.tend(true)?;
             let passed = start.elapsed();
             let patience = if early { PATIENCE / 4 } else { PATIENCE };
-            let hasty = self.interrupts.load(Ordering::Relaxed) > seen;
+            let hasty = self.interrupts.count() > seen;
             if !termed && passed >= patience {
                 self.children.signal(Signal::TERM);
                 termed = true;
@@ -318,7 +307,7 @@ impl Run<'_> {
         if restarted > 0 {
             self.progress.say(&format!("restarts: {restarted}"));
         }
-        if self.interrupts.load(Ordering::Relaxed) > 0 {
+        if self.interrupts.count() > 0 {
             self.progress.say("ended by signal");
             return Ok(ExitCode::from(130));
         }

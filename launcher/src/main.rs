@@ -6,6 +6,7 @@ mod check;
 mod children;
 mod doctor;
 mod folder;
+mod interrupts;
 mod launch;
 mod progress;
 mod role;
@@ -75,8 +76,14 @@ fn main() -> ExitCode {
             println!("{}: no fault found", args.config.display());
             ExitCode::SUCCESS
         }),
-        Command::Collect(args) => check::load(&args.config, &args.sets)
-            .and_then(|config| role::collect(&config).map(|()| ExitCode::SUCCESS)),
+        Command::Collect(args) => check::load(&args.config, &args.sets).and_then(|config| {
+            let interrupts = interrupts::Interrupts::listen()?;
+            Ok(if role::collect(&config, &interrupts)? {
+                ExitCode::SUCCESS
+            } else {
+                ExitCode::from(130)
+            })
+        }),
         Command::Ceiling {
             config,
             episodes,

@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 use config::Config;
 use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
 
+use crate::interrupts::Interrupts;
+
 /// Set for children by the launcher: its process id.
 pub(crate) const LAUNCHER: &str = "FORMICA_LAUNCHER";
 /// From the wish to stop to the end of a process that does not heed it.
@@ -47,23 +49,24 @@ pub(crate) fn run(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Makes the data set of a config.
-pub(crate) fn collect(config: &Config) -> anyhow::Result<()> {
-    let stop = Arc::new(AtomicBool::new(false));
-    signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::clone(&stop))?;
+/// Makes the data set of a config; false when a signal stopped that.
+pub(crate) fn collect(config: &Config, interrupts: &Interrupts) -> anyhow::Result<bool> {
     let start = Instant::now();
     let mut last = Instant::now();
-    let summary = actor::collect::collect(config, &stop, |done, total| {
+    let collected = actor::collect::collect(config, interrupts.stop(), |done, total| {
         if last.elapsed() > Duration::from_secs(2) {
             last = Instant::now();
             println!("collect: {done} of {total} transitions");
         }
     })?;
-    println!(
-        "collect: {summary} in {:.0} s",
-        start.elapsed().as_secs_f64()
-    );
-    Ok(())
+    match &collected {
+        Some(collected) => println!(
+            "collect: {collected} in {:.0} s",
+            start.elapsed().as_secs_f64()
+        ),
+        None => println!("collect: stopped; no data set was written"),
+    }
+    Ok(collected.is_some())
 }
 
 /// Walks a maze with a perfect planner.

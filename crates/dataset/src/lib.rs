@@ -1,71 +1,25 @@
 //! Offline episodes on disk and in memory: one flat copy of the data.
+//!
+//! Each file format is a module that reads into [`Dataset`]; so far there is [`d4rl`].
 
 pub mod d4rl;
+mod error;
+mod starts;
+mod summary;
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use rand::{Rng, RngExt};
+pub use error::DatasetError;
+pub use starts::Starts;
+pub use summary::Summary;
 
 /// Width of an observation.
 pub const OBSERVATION: usize = 29;
 /// Width of an action.
 pub const ACTION: usize = 8;
 
-/// Why a data set could not be read or written.
-#[derive(Debug, thiserror::Error)]
-pub enum DatasetError {
-    /// The system refused.
-    #[error("{path}: {source}", path = .path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Not an HDF5 file, or a damaged one.
-    #[error("{path}: {reason}", path = .path.display())]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A key of the layout is not there or cannot be read.
-    #[error("{path}: '{key}': {reason}", path = .path.display())]
-    Key {
-        /// The file.
-        path: PathBuf,
-        /// The key.
-        key: &'static str,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A key of another shape than the layout has.
-    #[error("{path}: '{key}' has shape {got:?}, expected {expected}", path = .path.display())]
-    Shape {
-        /// The file.
-        path: PathBuf,
-        /// The key.
-        key: &'static str,
-        /// The shape found.
-        got: Vec<u64>,
-        /// The shape wanted.
-        expected: String,
-    },
-    /// A value that is NaN or infinite.
-    #[error("{path}: '{key}' holds a value that is not finite in row {row}", path = .path.display())]
-    NotFinite {
-        /// The file.
-        path: PathBuf,
-        /// The key.
-        key: &'static str,
-        /// The first such row.
-        row: usize,
-    },
-}
-
-/// Episodes, flat.
+/// Episodes, flat. All arrays have a row for each step; rows are counted from 0.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Dataset {
     /// `[n, 29]`, before the action.
@@ -74,7 +28,9 @@ pub struct Dataset {
     pub actions: Vec<f32>,
     /// `[n]`.
     pub rewards: Vec<f32>,
-    /// Rows of each episode, in order. D4RL's terminals mark success and end no episode.
+    /// `[n]`. D4RL's terminals mark success and end no episode.
+    pub terminals: Vec<bool>,
+    /// Rows of each episode, in order; together they are all rows, and none is empty.
     pub episodes: Vec<Range<usize>>,
     /// The goal that each row's behaviour aimed at (m); empty where the file has none.
     pub goals: Vec<[f32; 2]>,
@@ -135,6 +91,20 @@ impl Dataset {
         1.0 - 2.0 * (o[4] * o[4] + o[5] * o[5])
     }
 
+    /// Number of the episode that a row belongs to; the number of episodes for a row beyond all.
+    #[must_use]
+    pub fn episode_of(&self, row: usize) -> usize {
+        self.episodes.partition_point(|episode| episode.end <= row)
+    }
+
+    /// Steps from a row to its episode's last row; 0 for a row beyond all.
+    #[must_use]
+    pub fn steps_left(&self, row: usize) -> usize {
+        self.episodes
+            .get(self.episode_of(row))
+            .map_or(0, |episode| episode.end - 1 - row)
+    }
+
     /// Share of episodes that pass within `radius` (m) of `start` and later of `goal`.
     #[must_use]
     pub fn share_from_to(&self, start: [f32; 2], goal: [f32; 2], radius: f32) -> f32 {
@@ -150,65 +120,58 @@ impl Dataset {
     }
 }
 
-/// Draws rows that have at least `lag` rows after them in their episode, all alike.
-#[derive(Debug, Clone)]
-pub struct Starts {
-    /// First row of each episode, its end, and how many starts the episodes before it have.
-    episodes: Vec<(usize, usize, usize)>,
-    total: usize,
-}
+/// Data sets made up for tests.
+#[cfg(test)]
+pub(crate) mod made {
+    use super::*;
 
-impl Starts {
-    /// None when no episode is longer than `lag` rows.
-    #[must_use]
-    pub fn new(episodes: &[Range<usize>], lag: usize) -> Option<Self> {
-        let mut starts = vec![];
-        let mut total = 0;
-        for episode in episodes.iter().filter(|episode| episode.len() > lag) {
-            starts.push((episode.start, episode.end, total));
-            total += episode.len() - lag;
+    /// Episodes along the given places, all else zero but the quaternion's w.
+    pub(crate) fn along(episodes: &[&[[f32; 2]]]) -> Dataset {
+        let mut data = Dataset::default();
+        for places in episodes {
+            let start = data.len();
+            for [x, y] in *places {
+                let mut observation = [0.0; OBSERVATION];
+                (observation[0], observation[1], observation[3]) = (*x, *y, 1.0);
+                data.observations.extend(observation);
+                data.actions.extend([0.0; ACTION]);
+                data.rewards.push(0.0);
+                data.terminals.push(false);
+            }
+            data.episodes.push(start..data.len());
         }
-        (total > 0).then_some(Self {
-            episodes: starts,
-            total,
-        })
-    }
-
-    /// A row and the end of its episode.
-    pub fn draw(&self, rng: &mut impl Rng) -> (usize, usize) {
-        let pick = rng.random_range(0..self.total);
-        let at = self
-            .episodes
-            .partition_point(|(_, _, before)| *before <= pick)
-            - 1;
-        let (start, end, before) = self.episodes[at];
-        (start + pick - before, end)
+        data
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use rand::SeedableRng;
-    use rand_pcg::Pcg64Mcg;
-
     use super::*;
 
     #[test]
-    fn starts_never_reach_beyond_an_episode_and_miss_none() {
-        let starts = Starts::new(&[0..3, 3..10, 10..15], 4).unwrap();
-        let mut rng = Pcg64Mcg::seed_from_u64(0);
-        let mut seen = [0; 15];
-        for _ in 0..4000 {
-            let (row, end) = starts.draw(&mut rng);
-            assert!(row + 4 < end);
-            seen[row] += 1;
-        }
-        let rows: Vec<usize> = (0..15).filter(|row| seen[*row] > 0).collect();
-        assert_eq!(rows, [3, 4, 5, 10]);
-        assert!(
-            rows.iter().all(|row| (850..1150).contains(&seen[*row])),
-            "{seen:?}"
-        );
-        assert!(Starts::new(&[0..3], 3).is_none());
+    fn rows_know_their_episode_and_the_steps_left() {
+        let data = made::along(&[&[[0.0; 2]; 3], &[[0.0; 2]; 1], &[[0.0; 2]; 4]]);
+        let of: Vec<usize> = (0..9).map(|row| data.episode_of(row)).collect();
+        assert_eq!(of, [0, 0, 0, 1, 2, 2, 2, 2, 3]);
+        let left: Vec<usize> = (0..9).map(|row| data.steps_left(row)).collect();
+        assert_eq!(left, [2, 1, 0, 0, 3, 2, 1, 0, 0]);
+    }
+
+    #[test]
+    fn share_from_to_wants_the_goal_after_the_start() {
+        let (a, b, c) = ([0.0, 0.0], [4.0, 0.0], [8.0, 0.0]);
+        let data = made::along(&[&[a, b, c], &[c, b, a], &[a, b], &[b, c, a, c]]);
+        assert_eq!(data.share_from_to([0.5, 0.5], [8.0, 0.9], 1.0), 0.5);
+        assert_eq!(data.share_from_to(c, a, 1.0), 0.5);
+        assert_eq!(data.share_from_to(a, [8.0, 1.1], 1.0), 0.0);
+        assert_eq!(Dataset::default().share_from_to(a, c, 1.0), 0.0);
+    }
+
+    #[test]
+    fn upright_is_one_standing_and_minus_one_on_its_back() {
+        let mut data = made::along(&[&[[1.0, 2.0]; 2]]);
+        data.observations[OBSERVATION + 3..OBSERVATION + 7].copy_from_slice(&[0.0, 1.0, 0.0, 0.0]);
+        assert_eq!((data.upright(0), data.upright(1)), (1.0, -1.0));
+        assert_eq!(data.places(), [[1.0, 2.0]; 2]);
     }
 }

@@ -11,6 +11,8 @@ const MAGIC: &[u8; 8] = b"FORMICAG";
 const FORMAT: u32 = 1;
 const HEADER: usize = 8 + 4 + 8 + 3 * 4;
 const EDGE: usize = 20;
+/// Places farther out (m) are damage: lines between them are looked at step by step.
+const FARTHEST: f32 = 1e5;
 /// Counts beyond these are damage, not graphs.
 const MOST: usize = 1 << 20;
 
@@ -158,6 +160,14 @@ impl Graph {
         if !floats.copied().all(f32::is_finite) {
             return Err(GraphError::Damaged("nodes"));
         }
+        if self
+            .places
+            .iter()
+            .flatten()
+            .any(|axis| axis.abs() > FARTHEST)
+        {
+            return Err(GraphError::Damaged("places"));
+        }
         let ordered = self.offsets.windows(2).all(|pair| pair[0] <= pair[1]);
         let last = self.offsets.last().map(|last| *last as usize);
         if !ordered || self.offsets.first() != Some(&0) || last != Some(self.edges.len()) {
@@ -169,7 +179,14 @@ impl Graph {
                 && edge.mean_steps >= 0.0
                 && edge.reached <= edge.tried
         };
-        if self.edges.iter().all(good) {
+        // Rows ascend, so that an edge is there once.
+        let sorted = (0..self.len() as u32).all(|node| {
+            let row = self.neighbours(node);
+            row.len() <= MAX_OUT_DEGREE
+                && row.windows(2).all(|pair| pair[0].to < pair[1].to)
+                && row.iter().all(|edge| edge.to != node)
+        });
+        if sorted && self.edges.iter().all(good) {
             Ok(())
         } else {
             Err(GraphError::Damaged("edges"))
@@ -235,6 +252,18 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn any_bytes_after_the_magic_are_refused_or_read(
+            tail in proptest::collection::vec(any::<u8>(), 0..300)
+        ) {
+            let mut bytes = ring(5).to_bytes();
+            bytes.truncate(12);
+            bytes.extend(tail);
+            if let Ok(graph) = Graph::from_bytes(&bytes) {
+                prop_assert_eq!(graph.to_bytes(), bytes);
+            }
+        }
+
         #[test]
         fn damage_never_panics_and_what_is_read_is_sound(
             flips in proptest::collection::vec((0..500_usize, any::<u8>()), 1..6)

@@ -3,11 +3,12 @@
 //! Seeding and first iterations run on a subsample, the last ones on all points: the same inertia
 //! as seeding on all of them, for a tenth of the time.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+
+use crate::assign::squared;
+pub use crate::assign::{assign, nearest};
 
 /// How the first centroids are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,6 +45,20 @@ pub enum KMeansError {
         /// Points found, no fewer than the different ones.
         points: usize,
     },
+    /// Not whole rows.
+    #[error("{values} values are no rows of {dim}; the points' width is wrong")]
+    Shape {
+        /// Values given.
+        values: usize,
+        /// Width of a row.
+        dim: usize,
+    },
+    /// A value that is no number.
+    #[error("point {row} is not finite; the encoder diverged or the data are damaged")]
+    NotFinite {
+        /// The first such row.
+        row: usize,
+    },
 }
 
 /// A fit.
@@ -60,14 +75,22 @@ pub struct Clusters {
 }
 
 const SUBSAMPLE: usize = 1 << 16;
-const BLOCK: usize = 256;
 
 /// Clusters `points` (`[n, dim]`).
 ///
 /// # Errors
-/// [`KMeansError::TooFewPoints`].
+/// Any of [`KMeansError`].
 pub fn fit(points: &[f32], dim: usize, settings: &Settings) -> Result<Clusters, KMeansError> {
-    let n = points.len() / dim.max(1);
+    if dim == 0 || !points.len().is_multiple_of(dim) {
+        return Err(KMeansError::Shape {
+            values: points.len(),
+            dim,
+        });
+    }
+    if let Some(at) = points.iter().position(|value| !value.is_finite()) {
+        return Err(KMeansError::NotFinite { row: at / dim });
+    }
+    let n = points.len() / dim;
     let k = settings.k;
     let few = |points| KMeansError::TooFewPoints { k, points };
     if n < k || k == 0 {
@@ -107,10 +130,6 @@ pub fn fit(points: &[f32], dim: usize, settings: &Settings) -> Result<Clusters, 
         inertia,
         iterations,
     })
-}
-
-fn squared(a: &[f32], b: &[f32]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
 fn plus_plus(points: &[f32], dim: usize, k: usize, rng: &mut Pcg64Mcg) -> Option<Vec<f32>> {
@@ -187,63 +206,6 @@ fn lloyd(
     (assignment, before, settings.iterations)
 }
 
-/// Nearest centroid of each point and the squared distance to it, by blocks of
-/// |x|^2 - 2 x.c + |c|^2.
-pub fn assign(
-    points: &[f32],
-    dim: usize,
-    centroids: &[f32],
-    assignment: &mut [u32],
-    distance: &mut [f32],
-) {
-    let k = centroids.len() / dim;
-    let norms: Vec<f32> = centroids
-        .chunks_exact(dim)
-        .map(|c| c.iter().map(|v| v * v).sum())
-        .collect();
-    let mut products = vec![0.0; k * BLOCK];
-    let blocks = points
-        .chunks(BLOCK * dim)
-        .zip(assignment.chunks_mut(BLOCK).zip(distance.chunks_mut(BLOCK)));
-    for (block, (assignment, distance)) in blocks {
-        let rows = block.len() / dim;
-        matmul(
-            MatMut::from_column_major_slice_mut(&mut products[..k * rows], k, rows),
-            Accum::Replace,
-            MatRef::from_column_major_slice(centroids, dim, k).transpose(),
-            MatRef::from_column_major_slice(block, dim, rows),
-            -2.0,
-            Par::Seq,
-        );
-        for (row, point) in block.chunks_exact(dim).enumerate() {
-            let column = &products[row * k..(row + 1) * k];
-            let mut best = (0, f32::INFINITY);
-            for (cluster, (product, norm)) in column.iter().zip(&norms).enumerate() {
-                let value = product + norm;
-                if value < best.1 {
-                    best = (cluster as u32, value);
-                }
-            }
-            let own: f32 = point.iter().map(|v| v * v).sum();
-            assignment[row] = best.0;
-            distance[row] = (best.1 + own).max(0.0);
-        }
-    }
-}
-
-/// The nearest of `centroids` (`[k, dim]`) and the squared distance to it.
-#[must_use]
-pub fn nearest(centroids: &[f32], dim: usize, point: &[f32]) -> (u32, f32) {
-    let mut best = (0, f32::INFINITY);
-    for (i, centroid) in centroids.chunks_exact(dim).enumerate() {
-        let distance = squared(centroid, point);
-        if distance < best.1 {
-            best = (i as u32, distance);
-        }
-    }
-    best
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -307,21 +269,13 @@ mod tests {
         assert!(fit(&points, 1, &settings(5, Seeding::PlusPlus)).is_err());
         assert!(fit(&points, 1, &settings(3, Seeding::PlusPlus)).is_err());
         assert!(fit(&points, 1, &settings(2, Seeding::PlusPlus)).is_ok());
-    }
-
-    #[test]
-    fn block_assignment_is_the_nearest() {
-        let points = blobs(700);
-        let centroids = blobs(9);
-        let (mut assignment, mut distance) = (vec![0; 700], vec![0.0; 700]);
-        assign(&points, 2, &centroids, &mut assignment, &mut distance);
-        for (i, point) in points.chunks(2).enumerate() {
-            let (_, exact) = nearest(&centroids, 2, point);
-            assert!(
-                (exact - distance[i]).abs() < 1e-2,
-                "{exact} {}",
-                distance[i]
-            );
-        }
+        let fit = |points: &[f32], dim| fit(points, dim, &settings(2, Seeding::PlusPlus));
+        assert_eq!(
+            fit(&points, 3),
+            Err(KMeansError::Shape { values: 4, dim: 3 })
+        );
+        assert!(matches!(fit(&points, 0), Err(KMeansError::Shape { .. })));
+        let bad = [1.0, 2.0, f32::NAN];
+        assert_eq!(fit(&bad, 1), Err(KMeansError::NotFinite { row: 2 }));
     }
 }

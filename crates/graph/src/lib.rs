@@ -3,6 +3,7 @@
 //! LG-H-PPO (Han 2026), section on graph construction. The crate knows no processes; its only
 //! I/O is the graph's file.
 
+mod assign;
 mod bytes;
 mod components;
 pub mod kmeans;
@@ -87,7 +88,7 @@ impl Graph {
     /// A node's out-edges.
     #[must_use]
     pub fn neighbours(&self, node: u32) -> &[Edge] {
-        &self.edges[self.row(node)]
+        self.edges.get(self.row(node)).unwrap_or_default()
     }
 
     /// The edge between two nodes.
@@ -128,6 +129,16 @@ impl Graph {
     pub fn nearest(&self, latent: &[f32]) -> Option<u32> {
         (latent.len() == self.latent_dim && !self.is_empty())
             .then(|| kmeans::nearest(&self.latents, self.latent_dim, latent).0)
+    }
+
+    /// The node whose place is nearest (m); none in an empty graph.
+    #[must_use]
+    pub fn nearest_place(&self, place: [f32; 2]) -> Option<u32> {
+        let distance = |node: &[f32; 2]| (node[0] - place[0]).hypot(node[1] - place[1]);
+        (0..self.len() as u32).min_by(|a, b| {
+            let of = |node: u32| distance(&self.places[node as usize]);
+            of(*a).total_cmp(&of(*b))
+        })
     }
 
     /// Share of places that have a node within `radius` (m).
@@ -208,6 +219,7 @@ mod tests {
         // A wall in the middle of the first edge's line.
         let wall = |p: [f32; 2]| (p[0] - 2.0).abs() < 0.5 && p[1] < 1.0;
         assert_eq!(graph.edges_through_walls(wall), 1);
+        assert_eq!(graph.nearest_place([3.0, 3.5]), Some(2));
         assert_eq!(graph.coverage(&[[0.1, 0.0], [2.0, 2.0]], 0.5), 0.5);
     }
 }

@@ -14,7 +14,7 @@ impl Graph {
         let mut incoming: Vec<Vec<(u32, f32)>> = vec![vec![]; n];
         for from in 0..n as u32 {
             for edge in self.neighbours(from) {
-                incoming[edge.to as usize].push((from, cost(edge).max(0.0)));
+                incoming[edge.to as usize].push((from, non_negative(cost(edge))));
             }
         }
         let mut distances = vec![f32::INFINITY; n];
@@ -38,6 +38,62 @@ impl Graph {
             }
         }
         distances
+    }
+
+    /// The out-edge that the cheapest way goes on by, given [`distances_to`](Self::distances_to)
+    /// its goal and the same cost; none at the goal and where no way leads there.
+    #[must_use]
+    pub fn next_hop(
+        &self,
+        from: u32,
+        distances: &[f32],
+        cost: impl Fn(&Edge) -> f32,
+    ) -> Option<&Edge> {
+        if distances.get(from as usize).is_none_or(|d| *d <= 0.0) {
+            return None;
+        }
+        let through = |edge: &Edge| {
+            let rest = distances
+                .get(edge.to as usize)
+                .copied()
+                .unwrap_or(f32::INFINITY);
+            non_negative(cost(edge)) + rest
+        };
+        self.neighbours(from)
+            .iter()
+            .filter(|edge| through(edge).is_finite())
+            .min_by(|a, b| through(a).total_cmp(&through(b)))
+    }
+
+    /// Nodes of the cheapest way, both ends among them; none where there is no way. Edges that
+    /// cost nothing may make it stop short of a way that exists: let every edge cost something.
+    #[must_use]
+    pub fn path(&self, from: u32, to: u32, cost: impl Fn(&Edge) -> f32) -> Option<Vec<u32>> {
+        let distances = self.distances_to(to, &cost);
+        let mut path = vec![
+            *distances
+                .get(from as usize)
+                .filter(|d| d.is_finite())
+                .map(|_| &from)?,
+        ];
+        let mut node = from;
+        while node != to {
+            node = self.next_hop(node, &distances, &cost)?.to;
+            path.push(node);
+            if path.len() > self.len() {
+                return None;
+            }
+        }
+        Some(path)
+    }
+}
+
+/// Costs below zero count as zero; what is no number is no way.
+fn non_negative(cost: f32) -> f32 {
+    if cost.is_nan() {
+        f32::INFINITY
+    } else {
+        cost.max(0.0)
     }
 }
 
@@ -95,6 +151,14 @@ pub(crate) mod tests {
                 let distances = graph.distances_to(goal as u32, |edge| edge.mean_steps);
                 for from in 0..8 {
                     prop_assert_eq!(distances[from], table[from][goal]);
+                    let path = graph.path(from as u32, goal as u32, |edge| edge.mean_steps);
+                    prop_assert_eq!(path.is_some(), distances[from].is_finite());
+                    if let Some(path) = path {
+                        let steps = path
+                            .windows(2)
+                            .map(|pair| graph.edge(pair[0], pair[1]).unwrap().mean_steps);
+                        prop_assert_eq!(steps.sum::<f32>(), distances[from]);
+                    }
                 }
             }
         }

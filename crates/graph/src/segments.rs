@@ -41,7 +41,10 @@ struct Tally {
 /// every node can be left and every other one reached.
 #[must_use]
 pub fn build(data: &Segments<'_>, dim: usize, centroids: &[f32], rule: &EdgeRule) -> Graph {
-    let n = data.places.len();
+    if dim == 0 || centroids.len() < dim {
+        return Graph::assemble(dim, vec![], vec![], vec![]);
+    }
+    let n = data.places.len().min(data.latents.len() / dim);
     let k = centroids.len() / dim.max(1);
     let (mut nodes, mut distance) = (vec![0_u32; n], vec![0.0; n]);
     kmeans::assign(data.latents, dim, centroids, &mut nodes, &mut distance);
@@ -49,6 +52,8 @@ pub fn build(data: &Segments<'_>, dim: usize, centroids: &[f32], rule: &EdgeRule
     let (mut places, mut members) = (vec![[0.0_f64; 2]; k], vec![0_u32; k]);
     let mut tallies: HashMap<(u32, u32), Tally> = HashMap::new();
     for (number, episode) in data.episodes.iter().enumerate() {
+        // An episode that says it is longer than the data ends with them.
+        let episode = episode.start..episode.end.min(n);
         for t in episode.clone().filter(|&t| (data.usable)(t)) {
             let node = nodes[t] as usize;
             members[node] += 1;

@@ -188,8 +188,8 @@ fn remove_files(id: &str) {
     for file in shared_files(id) {
         let _ = fs::remove_file(file);
     }
+    // The user's folder stays: another run may be about to make its own in it.
     let _ = fs::remove_dir_all(user_folder().join(id));
-    let _ = fs::remove_dir(user_folder());
 }
 
 /// A domain is alive while somebody holds its lock.

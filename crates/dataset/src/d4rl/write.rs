@@ -1,0 +1,312 @@
+//! Writes whole data sets in D4RL's layout.
+
+use std::ffi::OsString;
+use std::fs::{self, File as SystemFile};
+use std::io::{self, BufWriter};
+use std::path::Path;
+
+use hdf5_pure::{EnumTypeBuilder, Error, FileBuilder};
+
+use super::{QPOS, QVEL};
+use crate::{ACTION, DatasetError, OBSERVATION};
+
+/// Rows to write; all arrays flat.
+#[derive(Debug, Clone, Copy)]
+pub struct Rows<'a> {
+    /// `[n, 29]`, before the action.
+    pub observations: &'a [f32],
+    /// `[n, 8]`.
+    pub actions: &'a [f32],
+    /// `[n]`.
+    pub rewards: &'a [f32],
+    /// `[n]`, 1 in the rows that D4RL marks as success.
+    pub terminals: &'a [u8],
+    /// `[n]`, 1 in each episode's last row.
+    pub timeouts: &'a [u8],
+    /// `[n, 2]`.
+    pub goals: &'a [f32],
+    /// `[n, 15]`, after the action, as D4RL's script has it.
+    pub qpos: &'a [f32],
+    /// `[n, 14]`, after the action.
+    pub qvel: &'a [f32],
+}
+
+impl Rows<'_> {
+    /// All arrays have as many rows as there are rewards.
+    fn check(&self, path: &Path) -> Result<(), DatasetError> {
+        let n = self.rewards.len();
+        let lengths = [
+            ("observations", self.observations.len(), OBSERVATION),
+            ("actions", self.actions.len(), ACTION),
+            ("terminals", self.terminals.len(), 1),
+            ("timeouts", self.timeouts.len(), 1),
+            ("infos/goal", self.goals.len(), 2),
+            ("infos/qpos", self.qpos.len(), QPOS),
+            ("infos/qvel", self.qvel.len(), QVEL),
+        ];
+        match lengths
+            .into_iter()
+            .find(|(_, length, width)| *length != n * width)
+        {
+            Some((key, length, width)) => Err(DatasetError::Shape {
+                path: path.to_path_buf(),
+                key,
+                got: vec![length as u64],
+                expected: format!(
+                    "[{n}, {width}] flat, {} values, as 'rewards' has",
+                    n * width
+                ),
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Rows of a chunk: whole rows together, unlike h5py's own guess, so that ranges read fast.
+const CHUNK: u64 = 8192;
+
+/// Deflate level: higher ones take minutes for a million rows and save little.
+const LEVEL: u32 = 1;
+
+/// Writes a file in D4RL's layout beside `path`, syncs and renames: `path` is whole or untouched.
+///
+/// # Errors
+/// Arrays of unequal length, and what the system or the format refuses.
+pub fn write(path: &Path, rows: &Rows<'_>) -> Result<(), DatasetError> {
+    rows.check(path)?;
+    let builder = layout(rows).map_err(|error| failed(path, error))?;
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(|source| failed(path, Error::Io(source)))?;
+    }
+    let mut part = OsString::from(path);
+    part.push(".part");
+    let part = Path::new(&part);
+    let written = fill(part, builder).and_then(|()| {
+        fs::rename(part, path)
+            .and_then(|()| sync_folder(path))
+            .map_err(Error::Io)
+    });
+    written.map_err(|error| {
+        // The part is of no use to anyone; that it cannot be removed changes nothing.
+        let _ = fs::remove_file(part);
+        failed(path, error)
+    })
+}
+
+fn failed(path: &Path, error: Error) -> DatasetError {
+    let path = path.to_path_buf();
+    match error {
+        Error::Io(source) => DatasetError::Io { path, source },
+        error => DatasetError::Format {
+            path,
+            reason: format!("cannot be written: {error}"),
+        },
+    }
+}
+
+fn fill(part: &Path, builder: FileBuilder) -> Result<(), Error> {
+    let mut file = SystemFile::create(part).map_err(Error::Io)?;
+    builder.finish_to(BufWriter::new(&mut file))?;
+    file.sync_all().map_err(Error::Io)
+}
+
+/// The new name outlasts a crash only once its folder is synced.
+fn sync_folder(path: &Path) -> io::Result<()> {
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    SystemFile::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+}
+
+fn layout(rows: &Rows<'_>) -> Result<FileBuilder, Error> {
+    let n = rows.rewards.len() as u64;
+    let chunk = CHUNK.min(n.max(1));
+    let mut builder = FileBuilder::new();
+    for (name, values, width) in [
+        ("observations", rows.observations, OBSERVATION),
+        ("actions", rows.actions, ACTION),
+    ] {
+        let array = builder.create_dataset(name).with_f32_data(values);
+        array
+            .with_shape(&[n, width as u64])
+            .with_chunks(&[chunk, width as u64])
+            .with_deflate(LEVEL);
+    }
+    let array = builder
+        .create_dataset("rewards")
+        .with_f32_data(rows.rewards);
+    array
+        .with_shape(&[n])
+        .with_chunks(&[chunk])
+        .with_deflate(LEVEL);
+    for (name, values) in [("terminals", rows.terminals), ("timeouts", rows.timeouts)] {
+        // What h5py takes for a bool.
+        let bools = EnumTypeBuilder::u8_based()
+            .u8_value("FALSE", 0)
+            .u8_value("TRUE", 1)
+            .build()?;
+        let array = builder
+            .create_dataset(name)
+            .with_enum_u8_data(bools, values);
+        array
+            .with_shape(&[n])
+            .with_chunks(&[chunk])
+            .with_deflate(LEVEL);
+    }
+    let mut infos = builder.create_group("infos");
+    for (name, values, width) in [
+        ("goal", rows.goals, 2),
+        ("qpos", rows.qpos, QPOS),
+        ("qvel", rows.qvel, QVEL),
+    ] {
+        let array = infos.create_dataset(name).with_f32_data(values);
+        array
+            .with_shape(&[n, width as u64])
+            .with_chunks(&[chunk, width as u64])
+            .with_deflate(LEVEL);
+    }
+    builder.add_group(infos.finish());
+    Ok(builder)
+}
+
+/// Files made up for tests.
+#[cfg(test)]
+pub(crate) mod made {
+    use std::path::PathBuf;
+
+    use super::*;
+
+    /// Three episodes of four rows.
+    pub(crate) const ROWS: usize = 12;
+
+    /// Such a file; `damage` changes its observations.
+    pub(crate) fn written(folder: &Path, damage: impl FnOnce(&mut Vec<f32>)) -> PathBuf {
+        let mut observations: Vec<f32> = (0..ROWS * OBSERVATION)
+            .map(|i| (i % 97) as f32 * 0.01)
+            .collect();
+        damage(&mut observations);
+        let timeouts: Vec<u8> = (0..ROWS).map(|row| u8::from(row % 4 == 3)).collect();
+        let terminals: Vec<u8> = (0..ROWS).map(|row| u8::from(row % 5 == 1)).collect();
+        let path = folder.join("small.hdf5");
+        let rows = Rows {
+            observations: &observations,
+            actions: &[0.5; ROWS * ACTION],
+            rewards: &[0.25; ROWS],
+            terminals: &terminals,
+            timeouts: &timeouts,
+            goals: &[3.0; ROWS * 2],
+            qpos: &[1.0; ROWS * QPOS],
+            qvel: &[2.0; ROWS * QVEL],
+        };
+        write(&path, &rows).unwrap();
+        path
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use hdf5_pure::File;
+
+    use super::made::{ROWS, written};
+    use super::*;
+    use crate::d4rl::read;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path(), |_| {});
+        let data = read(&path).unwrap();
+        assert_eq!(
+            (data.len(), data.episodes.as_slice()),
+            (12, &[0..4, 4..8, 8..12][..])
+        );
+        assert_eq!(data.goals[5], [3.0, 3.0]);
+        assert_eq!(data.observation(1)[0], 0.29);
+        assert_eq!(data.action(3), [0.5; 8]);
+        assert_eq!(data.rewards, [0.25; ROWS]);
+        let marked: Vec<usize> = (0..ROWS).filter(|row| data.terminals[*row]).collect();
+        assert_eq!(marked, [1, 6, 11]);
+        let file = File::open(&path).unwrap();
+        let qpos = file.dataset("infos/qpos").unwrap();
+        assert_eq!(qpos.shape().unwrap(), [12, 15]);
+        assert_eq!(qpos.read_f32().unwrap(), [1.0; ROWS * QPOS]);
+        let names: Vec<_> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|e| e.unwrap().file_name())
+            .collect();
+        assert_eq!(names, ["small.hdf5"]);
+    }
+
+    #[test]
+    fn several_chunks_and_a_short_last_one_are_read_as_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new/chunks.hdf5");
+        let n = 2 * CHUNK as usize + 5;
+        let count = |width: usize| (0..n * width).map(|i| i as f32).collect::<Vec<f32>>();
+        let rows = Rows {
+            observations: &count(OBSERVATION),
+            actions: &count(ACTION),
+            rewards: &count(1),
+            terminals: &vec![0; n],
+            timeouts: &vec![0; n],
+            goals: &count(2),
+            qpos: &count(QPOS),
+            qvel: &count(QVEL),
+        };
+        write(&path, &rows).unwrap();
+        let data = read(&path).unwrap();
+        assert_eq!(data.observations, rows.observations);
+        assert_eq!(data.actions, rows.actions);
+        assert_eq!(data.rewards, rows.rewards);
+        assert_eq!(data.goals.as_flattened(), rows.goals);
+        assert_eq!(data.episodes.as_slice(), std::slice::from_ref(&(0..n)));
+    }
+
+    #[test]
+    fn arrays_of_unequal_length_are_refused_and_leave_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = written(folder.path(), |_| {});
+        let before = fs::read(&path).unwrap();
+        let rows = Rows {
+            observations: &[0.0; 2 * OBSERVATION],
+            actions: &[0.0; 2 * ACTION],
+            rewards: &[0.0; 2],
+            terminals: &[0; 2],
+            timeouts: &[0; 2],
+            goals: &[0.0; 4],
+            qpos: &[0.0; 2 * QPOS],
+            qvel: &[0.0; 2 * QVEL + 1],
+        };
+        let error = write(&path, &rows).unwrap_err();
+        assert!(
+            matches!(
+                error,
+                DatasetError::Shape {
+                    key: "infos/qvel",
+                    ..
+                }
+            ),
+            "{error}"
+        );
+        assert_eq!(fs::read(&path).unwrap(), before);
+    }
+
+    #[test]
+    fn a_file_without_rows_is_no_data_set() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("empty.hdf5");
+        let rows = Rows {
+            observations: &[],
+            actions: &[],
+            rewards: &[],
+            terminals: &[],
+            timeouts: &[],
+            goals: &[],
+            qpos: &[],
+            qvel: &[],
+        };
+        write(&path, &rows).unwrap();
+        let error = read(&path).unwrap_err();
+        assert!(error.to_string().contains("no episode"), "{error}");
+    }
+}
