@@ -5,7 +5,7 @@
 
 use std::fmt;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
 use config::{Collect, Config};
@@ -63,13 +63,13 @@ impl fmt::Display for Collected {
 
 /// Collects the data set of a config and writes it in D4RL's layout. The same seed gives the same
 /// file, whatever the number of threads. `progress` is told transitions done and to do. None, and
-/// no file, once `stop` is set.
+/// no file, once `stopped` says so.
 ///
 /// # Errors
 /// No `[collect]` table, a walker that cannot be read, a file that cannot be written.
 pub fn collect(
     config: &Config,
-    stop: &AtomicBool,
+    stopped: &(dyn Fn() -> bool + Sync),
     mut progress: impl FnMut(usize, usize),
 ) -> anyhow::Result<Option<Collected>> {
     let Some(settings) = &config.collect else {
@@ -88,7 +88,7 @@ pub fn collect(
             let (layout, next) = (&layout, &next);
             scope.spawn(move || {
                 let mut ant = AntMaze::new(layout, Physics::MAZE);
-                while !stop.load(Ordering::Relaxed) {
+                while !stopped() {
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     if number >= count {
                         break;
@@ -109,7 +109,7 @@ pub fn collect(
             progress(done.min(settings.transitions), settings.transitions);
         }
     });
-    if stop.load(Ordering::Relaxed) {
+    if stopped() {
         return Ok(None);
     }
     write(config, &layout, episodes.into_iter().flatten(), rows).map(Some)

@@ -87,7 +87,7 @@ fn collect(config: &Config, interrupts: &Interrupts) -> anyhow::Result<Option<Ex
         return Ok(None);
     }
     println!("collect: making {}", config.dataset);
-    Ok((!role::collect(config, interrupts)?).then(|| ExitCode::from(130)))
+    role::collect(config, interrupts)
 }
 
 impl Run<'_> {
@@ -309,7 +309,7 @@ impl Run<'_> {
         }
         if self.interrupts.count() > 0 {
             self.progress.say("ended by signal");
-            return Ok(ExitCode::from(130));
+            return Ok(ExitCode::from(Interrupts::EXIT));
         }
         if let Some(failure) = self.failure.take() {
             anyhow::bail!(failure);

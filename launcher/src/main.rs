@@ -77,12 +77,8 @@ fn main() -> ExitCode {
             ExitCode::SUCCESS
         }),
         Command::Collect(args) => check::load(&args.config, &args.sets).and_then(|config| {
-            let interrupts = interrupts::Interrupts::listen()?;
-            Ok(if role::collect(&config, &interrupts)? {
-                ExitCode::SUCCESS
-            } else {
-                ExitCode::from(130)
-            })
+            let stopped = role::collect(&config, &interrupts::Interrupts::listen()?)?;
+            Ok(stopped.unwrap_or(ExitCode::SUCCESS))
         }),
         Command::Ceiling {
             config,

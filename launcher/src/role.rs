@@ -49,24 +49,29 @@ pub(crate) fn run(
     Ok(ExitCode::SUCCESS)
 }
 
-/// Makes the data set of a config; false when a signal stopped that.
-pub(crate) fn collect(config: &Config, interrupts: &Interrupts) -> anyhow::Result<bool> {
+/// Makes the data set of a config; an exit code when a signal stopped that.
+pub(crate) fn collect(
+    config: &Config,
+    interrupts: &Interrupts,
+) -> anyhow::Result<Option<ExitCode>> {
     let start = Instant::now();
     let mut last = Instant::now();
-    let collected = actor::collect::collect(config, interrupts.stop(), |done, total| {
+    let stopped = || interrupts.count() > 0;
+    let collected = actor::collect::collect(config, &stopped, |done, total| {
         if last.elapsed() > Duration::from_secs(2) {
             last = Instant::now();
             println!("collect: {done} of {total} transitions");
         }
     })?;
-    match &collected {
-        Some(collected) => println!(
-            "collect: {collected} in {:.0} s",
-            start.elapsed().as_secs_f64()
-        ),
-        None => println!("collect: stopped; no data set was written"),
-    }
-    Ok(collected.is_some())
+    let Some(collected) = collected else {
+        println!("collect: stopped; no data set was written");
+        return Ok(Some(ExitCode::from(Interrupts::EXIT)));
+    };
+    println!(
+        "collect: {collected} in {:.0} s",
+        start.elapsed().as_secs_f64()
+    );
+    Ok(None)
 }
 
 /// Walks a maze with a perfect planner.

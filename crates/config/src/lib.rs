@@ -1,5 +1,6 @@
 //! The run file: parsed, checked as a whole (all faults at once, each with its line), resolved.
 
+mod read;
 mod reader;
 mod sections;
 
@@ -60,7 +61,7 @@ impl Config {
             })
             .collect();
         let mut document = reader::Document::new(text, &sets);
-        let mut config = sections::read(&mut document, stem);
+        let mut config = read::read(&mut document, stem);
         config.resolved = std::mem::take(&mut document.resolved);
         if document.faults.is_empty() {
             Ok(config)

@@ -45,7 +45,7 @@ pub fn build(data: &Segments<'_>, dim: usize, centroids: &[f32], rule: &EdgeRule
         return Graph::assemble(dim, vec![], vec![], vec![]);
     }
     let n = data.places.len().min(data.latents.len() / dim);
-    let k = centroids.len() / dim.max(1);
+    let k = centroids.len() / dim;
     let (mut nodes, mut distance) = (vec![0_u32; n], vec![0.0; n]);
     kmeans::assign(data.latents, dim, centroids, &mut nodes, &mut distance);
 

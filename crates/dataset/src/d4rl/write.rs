@@ -5,7 +5,7 @@ use std::fs::{self, File as SystemFile};
 use std::io::{self, BufWriter};
 use std::path::Path;
 
-use hdf5_pure::{EnumTypeBuilder, Error, FileBuilder};
+use hdf5_pure::{DatasetBuilder, EnumTypeBuilder, Error, FileBuilder};
 
 use super::{QPOS, QVEL};
 use crate::{ACTION, DatasetError, OBSERVATION};
@@ -120,38 +120,24 @@ fn sync_folder(path: &Path) -> io::Result<()> {
 
 fn layout(rows: &Rows<'_>) -> Result<FileBuilder, Error> {
     let n = rows.rewards.len() as u64;
-    let chunk = CHUNK.min(n.max(1));
     let mut builder = FileBuilder::new();
-    for (name, values, width) in [
-        ("observations", rows.observations, OBSERVATION),
-        ("actions", rows.actions, ACTION),
-    ] {
-        let array = builder.create_dataset(name).with_f32_data(values);
-        array
-            .with_shape(&[n, width as u64])
-            .with_chunks(&[chunk, width as u64])
-            .with_deflate(LEVEL);
-    }
-    let array = builder
-        .create_dataset("rewards")
-        .with_f32_data(rows.rewards);
-    array
-        .with_shape(&[n])
-        .with_chunks(&[chunk])
-        .with_deflate(LEVEL);
+    let array = builder.create_dataset("observations");
+    compress(
+        array.with_f32_data(rows.observations),
+        &[n, OBSERVATION as u64],
+    );
+    let array = builder.create_dataset("actions");
+    compress(array.with_f32_data(rows.actions), &[n, ACTION as u64]);
+    let array = builder.create_dataset("rewards");
+    compress(array.with_f32_data(rows.rewards), &[n]);
     for (name, values) in [("terminals", rows.terminals), ("timeouts", rows.timeouts)] {
         // What h5py takes for a bool.
         let bools = EnumTypeBuilder::u8_based()
             .u8_value("FALSE", 0)
             .u8_value("TRUE", 1)
             .build()?;
-        let array = builder
-            .create_dataset(name)
-            .with_enum_u8_data(bools, values);
-        array
-            .with_shape(&[n])
-            .with_chunks(&[chunk])
-            .with_deflate(LEVEL);
+        let array = builder.create_dataset(name);
+        compress(array.with_enum_u8_data(bools, values), &[n]);
     }
     let mut infos = builder.create_group("infos");
     for (name, values, width) in [
@@ -159,14 +145,23 @@ fn layout(rows: &Rows<'_>) -> Result<FileBuilder, Error> {
         ("qpos", rows.qpos, QPOS),
         ("qvel", rows.qvel, QVEL),
     ] {
-        let array = infos.create_dataset(name).with_f32_data(values);
-        array
-            .with_shape(&[n, width as u64])
-            .with_chunks(&[chunk, width as u64])
-            .with_deflate(LEVEL);
+        let array = infos.create_dataset(name);
+        compress(array.with_f32_data(values), &[n, width as u64]);
     }
     builder.add_group(infos.finish());
     Ok(builder)
+}
+
+/// Stores an array of this shape in deflated chunks of whole rows.
+fn compress(array: &mut DatasetBuilder, shape: &[u64]) {
+    let mut chunk = shape.to_vec();
+    if let Some(rows) = chunk.first_mut() {
+        *rows = CHUNK.min((*rows).max(1));
+    }
+    array
+        .with_shape(shape)
+        .with_chunks(&chunk)
+        .with_deflate(LEVEL);
 }
 
 /// Files made up for tests.
