@@ -1,6 +1,6 @@
 //! Faults of a run file are named at once, before any process is started.
 
-use system_tests::{formica, text};
+use system_tests::{binary, formica, text};
 
 #[test]
 fn check_names_every_fault_with_its_line_and_exits_with_2() {
@@ -42,6 +42,33 @@ fn a_maze_without_a_way_is_refused() {
         told.contains("maze.toml:3: maze.rows: the goal at row 1, column 3"),
         "{told}"
     );
+}
+
+/// In a mount namespace of its own, where /dev/shm is small.
+#[test]
+fn too_little_shared_memory_is_named_among_the_faults() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = "[topology]\nwindow = 32\n[graph]\nnodez = 3\n\
+                  [dataset]\npath = \"x.hdf5\"\n[collect]\n";
+    std::fs::write(folder.path().join("small.toml"), config).unwrap();
+    let check = format!(
+        "mount -t tmpfs -o size=16m tmpfs /dev/shm && exec {} launch small.toml",
+        binary().display()
+    );
+    let output = std::process::Command::new("unshare")
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", &check])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let told = text(&output);
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    let memory = "small.toml:2: topology.window: /dev/shm has 16 MiB free and the run can need ";
+    assert!(told.contains(memory), "{told}");
+    assert!(
+        told.contains("small.toml:4: graph.nodez: unknown key"),
+        "{told}"
+    );
+    assert!(!folder.path().join("runs").exists(), "nothing was started");
 }
 
 #[test]

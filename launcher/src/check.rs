@@ -3,49 +3,30 @@
 use std::path::Path;
 
 use agents::{high, low, vae, walker};
-use config::{Config, Fault, Faults, Kind};
+use config::{Config, Kind};
 use wire::{Limits, Reader};
 
-/// The machine's shared memory does not hold the run.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "/dev/shm has {available} MiB free and the run can need {needed} MiB; free some (see `formica \
-     doctor`), or lower topology.window or topology.max_actors"
-)]
-pub(crate) struct TooSmall {
-    available: u64,
-    needed: u64,
-}
-
-/// Reads a config and checks all that the config alone cannot: the maze's map, shared memory.
+/// Reads a config and checks all that the file alone does not tell: the maze's map, and whether
+/// shared memory holds the run.
 pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Config> {
-    let config = Config::load(path, sets)?;
-    if let Err(error) = actor::layout(&config) {
-        let text = std::fs::read_to_string(path).unwrap_or_default();
-        let line = text
-            .lines()
-            .position(|line| line.trim_start().starts_with("rows"));
-        let fault = Fault {
-            line: line.map_or(1, |line| line + 1),
-            key: "maze.rows".to_owned(),
-            message: error.root_cause().to_string(),
-        };
-        let origin = path.display().to_string();
-        return Err(Faults {
-            origin,
-            faults: vec![fault],
-        }
-        .into());
-    }
     let available = wire::shared_memory_available()?;
-    let needed = limits(&config).shared_memory_bytes();
-    if needed > available {
-        return Err(TooSmall {
-            available: available >> 20,
-            needed: needed >> 20,
+    let config = Config::load_with(path, sets, |config| {
+        let mut faults = vec![];
+        if let Err(error) = actor::layout(config) {
+            faults.push(("maze.rows", error.root_cause().to_string()));
         }
-        .into());
-    }
+        let needed = limits(config).shared_memory_bytes();
+        if needed > available {
+            let message = format!(
+                "/dev/shm has {} MiB free and the run can need {} MiB; free some (see `formica \
+                 doctor`), or lower topology.window or topology.max_actors",
+                available >> 20,
+                needed.div_ceil(1 << 20)
+            );
+            faults.push(("topology.window", message));
+        }
+        faults
+    })?;
     Ok(config)
 }
 

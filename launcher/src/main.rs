@@ -95,7 +95,6 @@ fn main() -> ExitCode {
     };
     result.unwrap_or_else(|error| {
         eprintln!("formica: {error:#}");
-        let usage = error.is::<config::Faults>() || error.is::<check::TooSmall>();
-        ExitCode::from(if usage { 2 } else { 1 })
+        ExitCode::from(if error.is::<config::Faults>() { 2 } else { 1 })
     })
 }

@@ -18,13 +18,26 @@ impl Config {
     /// # Errors
     /// Every fault of the file at once; an unreadable file is one fault.
     pub fn load(path: &Path, sets: &[(String, String)]) -> Result<Self, Faults> {
+        Self::load_with(path, sets, |_| vec![])
+    }
+
+    /// The same with `further` checks, of what the file alone does not tell: faults by
+    /// `table.key`. They are asked of a config in which defaults stand for faulty values.
+    ///
+    /// # Errors
+    /// Every fault of the file and of the further checks at once.
+    pub fn load_with(
+        path: &Path,
+        sets: &[(String, String)],
+        further: impl FnOnce(&Self) -> Vec<(&'static str, String)>,
+    ) -> Result<Self, Faults> {
         let origin = path.display().to_string();
         match std::fs::read_to_string(path) {
             Ok(text) => {
                 let stem = path
                     .file_stem()
                     .map(|stem| stem.to_string_lossy().into_owned());
-                Self::parse(&text, &origin, &stem.unwrap_or_default(), sets)
+                Self::parse_with(&text, &origin, &stem.unwrap_or_default(), sets, further)
             }
             Err(error) => {
                 let message = format!("cannot be read: {error}");
@@ -50,6 +63,16 @@ impl Config {
         stem: &str,
         sets: &[(String, String)],
     ) -> Result<Self, Faults> {
+        Self::parse_with(text, origin, stem, sets, |_| vec![])
+    }
+
+    fn parse_with(
+        text: &str,
+        origin: &str,
+        stem: &str,
+        sets: &[(String, String)],
+        further: impl FnOnce(&Self) -> Vec<(&'static str, String)>,
+    ) -> Result<Self, Faults> {
         // A value that is no TOML by itself is a text: --set maze.layout=large.
         let sets: Vec<(String, String)> = sets
             .iter()
@@ -63,6 +86,10 @@ impl Config {
         let mut document = reader::Document::new(text, &sets);
         let mut config = read::read(&mut document, stem);
         config.resolved = std::mem::take(&mut document.resolved);
+        for (path, message) in further(&config) {
+            document.fault_at(path, message);
+        }
+        document.order();
         if document.faults.is_empty() {
             Ok(config)
         } else {

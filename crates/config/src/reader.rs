@@ -243,8 +243,32 @@ impl<'t> Document<'t> {
             let message = unknown("table", &key, &known);
             self.fault(line, &key, message);
         }
+    }
+
+    /// Puts the faults in the order of lines, each once.
+    pub(crate) fn order(&mut self) {
         self.faults.sort_by_key(|fault| fault.line);
         self.faults.dedup();
+    }
+
+    /// Notes a fault at a `table.key`.
+    pub(crate) fn fault_at(&mut self, path: &str, message: impl Into<String>) {
+        let (table, key) = path.split_once('.').unwrap_or((path, ""));
+        self.fault(self.line_of(table, key), path, message);
+    }
+
+    /// Line of a key (0 when it was set on the command line), or of the table, or 1.
+    fn line_of(&self, table: &str, key: &str) -> usize {
+        let set = |(section, set, _): &(String, String, _)| section == table && set == key;
+        if self.sets.iter().any(set) {
+            return 0;
+        }
+        let Some((name, found)) = self.root.get_key_value(table) else {
+            return 1;
+        };
+        let found = found.get_ref().as_table();
+        let key = found.and_then(|table| table.get_key_value(key));
+        self.line(key.map_or(name.span().start, |(key, _)| key.span().start))
     }
 }
 
@@ -268,31 +292,10 @@ pub(crate) struct Table<'d, 't> {
 }
 
 impl Table<'_, '_> {
-    /// Line of a key (0 when it was set on the command line), or of the table, or 1.
-    pub(crate) fn line(&self, key: &str) -> usize {
-        let document = &*self.document;
-        if document
-            .sets
-            .iter()
-            .any(|(section, set, _)| section == self.name && set == key)
-        {
-            return 0;
-        }
-        let Some((table, found)) = document.root.get_key_value(self.name) else {
-            return 1;
-        };
-        let key = found
-            .get_ref()
-            .as_table()
-            .and_then(|table| table.get_key_value(key));
-        document.line(key.map_or(table.span().start, |(key, _)| key.span().start))
-    }
-
     /// Notes a fault at a key.
     pub(crate) fn fault(&mut self, key: &str, message: impl Into<String>) {
-        let line = self.line(key);
-        let path = format!("{}.{key}", self.name);
-        self.document.fault(line, &path, message);
+        self.document
+            .fault_at(&format!("{}.{key}", self.name), message);
     }
 
     /// The value of a key where there is one and it has the right type.
@@ -324,7 +327,8 @@ impl Table<'_, '_> {
         None
     }
 
-    /// The value of a key, or its default; `allowed` says what is wrong with a value.
+    /// The value of a key, or its default where there is none or `allowed` says what is wrong
+    /// with it.
     pub(crate) fn value<T: Value>(
         &mut self,
         key: &'static str,
@@ -333,12 +337,13 @@ impl Table<'_, '_> {
     ) -> T {
         let before = self.document.faults.len();
         match self.optional::<T>(key) {
-            Some(value) => {
-                if let Err(message) = allowed(&value) {
+            Some(value) => match allowed(&value) {
+                Ok(()) => value,
+                Err(message) => {
                     self.fault(key, message);
+                    default
                 }
-                value
-            }
+            },
             None => {
                 if self.document.faults.len() == before {
                     let line = format!("{key} = {}\n", default.write());
