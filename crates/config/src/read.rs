@@ -8,6 +8,8 @@ use crate::sections::{
     WalkerTraining,
 };
 
+const LAYOUTS: [&str; 6] = ["umaze", "medium", "large", "giant", "teleport", "custom"];
+
 const OFFLINE_TABLES: [&str; 8] = [
     "dataset",
     "collect",
@@ -40,7 +42,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
     });
     let offline = run.kind == Kind::Offline;
     let maze = d.table("maze", |t| {
-        let layout = t.word("layout", "medium", &["umaze", "medium", "large", "custom"]);
+        let layout = t.word("layout", "medium", &LAYOUTS);
         let rows: Vec<String> = t.value("rows", vec![], |_| Ok(()));
         if (layout == "custom") == rows.is_empty() {
             t.fault(

@@ -23,9 +23,9 @@ pub struct Run {
 /// `[maze]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct Maze {
-    /// `umaze`, `medium`, `large`, or `custom` with rows.
+    /// `umaze`, `medium`, `large`, `giant`, `teleport`, or `custom` with rows.
     pub layout: String,
-    /// Rows of 1 (wall), 0 (free), r (start), g (goal).
+    /// Rows of 1 (wall), 0 (free), r (start), g (goal), i and o (teleport in and out).
     pub rows: Vec<String>,
 }
 

@@ -1,4 +1,5 @@
-//! Maze maps: rows of `1` (wall), `0` (free), `r` (start) and `g` (goal), as in D4RL.
+//! Maze maps: rows of `1` (wall), `0` (free), `r` (start) and `g` (goal), as in D4RL, and `i`
+//! (teleport in) and `o` (teleport out) as OGBench's teleport maze has them.
 
 use std::collections::VecDeque;
 
@@ -14,11 +15,14 @@ pub type Cell = (usize, usize);
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LayoutError {
     /// The name is none of the built-in mazes.
-    #[error("unknown maze '{0}'; use umaze, medium, large, or custom with rows")]
+    #[error("unknown maze '{0}'; use {names}, or custom with rows", names = Layout::NAMES.join(", "))]
     UnknownName(String),
     /// No rows at all.
     #[error("the maze has no rows")]
     Empty,
+    /// Nothing but walls.
+    #[error("the maze has no free cell, only walls")]
+    NoFreeCell,
     /// A row is longer or shorter than the first.
     #[error("row {row} of the maze has {got} cells, the first row has {expected}")]
     Ragged {
@@ -29,8 +33,11 @@ pub enum LayoutError {
         /// Cells of this row.
         got: usize,
     },
-    /// A character other than 1, 0, r, g.
-    #[error("row {row} of the maze holds '{found}'; cells are 1 (wall), 0 (free), r and g")]
+    /// A character that is no cell.
+    #[error(
+        "row {row} of the maze holds '{found}'; cells are 1 (wall), 0 (free), r (start), g (goal), \
+         i (teleport in) and o (teleport out)"
+    )]
     UnknownCell {
         /// Index of the row, from 0.
         row: usize,
@@ -43,6 +50,9 @@ pub enum LayoutError {
     /// No goal cell.
     #[error("the maze has no goal cell 'g'")]
     NoGoal,
+    /// Only one end of a teleport.
+    #[error("the maze has cells 'i' or 'o' alone; a teleport needs both")]
+    HalfTeleport,
     /// A goal that no path leads to.
     #[error("the goal at row {}, column {} cannot be reached from the start", .0.0, .0.1)]
     Unreachable(Cell),
@@ -58,6 +68,10 @@ pub struct Layout {
     start: Cell,
     goals: Vec<Cell>,
     play_goals: Vec<Cell>,
+    /// Start and goal cells of the evaluation tasks; empty where D4RL's protocol stands.
+    tasks: Vec<(Cell, Cell)>,
+    inlets: Vec<Cell>,
+    outlets: Vec<Cell>,
 }
 
 const UMAZE: [&str; 5] = ["11111", "1r001", "11101", "1g001", "11111"];
@@ -76,19 +90,72 @@ const LARGE: [&str; 9] = [
     "111111111111",
 ];
 
+const GIANT: [&str; 12] = [
+    "1111111111111111",
+    "1r10000001100001",
+    "1010110101001101",
+    "1000100100010001",
+    "1011101111110101",
+    "1000100010000101",
+    "1110101001010111",
+    "1000100100010001",
+    "1010101111110101",
+    "1011100010001101",
+    "10000010001000g1",
+    "1111111111111111",
+];
+const TELEPORT: [&str; 9] = [
+    "111111111111",
+    "1r00001o1001",
+    "110100010011",
+    "110111000001",
+    "100001i10101",
+    "1i1101010101",
+    "1o11010101o1",
+    "1000010001g1",
+    "111111111111",
+];
+
 impl Layout {
-    /// A maze of D4RL by name: `umaze`, `medium` or `large`.
+    /// The mazes that have a name: D4RL's three, then OGBench's others.
+    pub const NAMES: [&str; 5] = ["umaze", "medium", "large", "giant", "teleport"];
+
+    /// A maze by name: `umaze`, `medium` and `large` of D4RL (`d4rl/locomotion/maze_env.py`),
+    /// `giant` and `teleport` of OGBench (seohongpark/ogbench, `ogbench/locomaze/maze.py`).
     ///
     /// # Errors
     /// [`LayoutError::UnknownName`] for any other name.
     pub fn named(name: &str) -> Result<Self, LayoutError> {
-        let (rows, play): (&[&str], &[Cell]) = match name {
-            "umaze" => (&UMAZE, &[]),
-            // Goal cells of D4RL's generation maps, which the `play` data aim at.
-            "medium" => (&MEDIUM, &[(2, 6), (5, 1), (6, 5)]),
+        // Goal cells of D4RL's generation maps, which the `play` data aim at, and OGBench's tasks.
+        let (rows, play, tasks): (&[&str], &[Cell], &[(Cell, Cell)]) = match name {
+            "umaze" => (&UMAZE, &[], &[]),
+            "medium" => (&MEDIUM, &[(2, 6), (5, 1), (6, 5)], &[]),
             "large" => (
                 &LARGE,
                 &[(1, 6), (3, 5), (3, 10), (5, 2), (7, 4), (7, 6), (7, 9)],
+                &[],
+            ),
+            "giant" => (
+                &GIANT,
+                &[],
+                &[
+                    ((1, 1), (10, 14)),
+                    ((1, 14), (10, 1)),
+                    ((8, 14), (1, 1)),
+                    ((8, 3), (5, 12)),
+                    ((5, 9), (3, 8)),
+                ],
+            ),
+            "teleport" => (
+                &TELEPORT,
+                &[],
+                &[
+                    ((1, 10), (7, 1)),
+                    ((1, 1), (7, 10)),
+                    ((5, 6), (7, 10)),
+                    ((7, 1), (7, 10)),
+                    ((5, 6), (7, 1)),
+                ],
             ),
             _ => return Err(LayoutError::UnknownName(name.to_owned())),
         };
@@ -96,6 +163,7 @@ impl Layout {
         if !play.is_empty() {
             layout.play_goals = play.to_vec();
         }
+        layout.tasks = tasks.to_vec();
         Ok(layout)
     }
 
@@ -113,7 +181,8 @@ impl Layout {
     /// Reads a map from its rows of text.
     ///
     /// # Errors
-    /// Any [`LayoutError`]: ragged rows, unknown cells, no start, no goal, unreachable goal.
+    /// Any [`LayoutError`]: ragged rows, unknown cells, no free cell, no start, no goal, half a
+    /// teleport, a goal that cannot be reached.
     pub fn from_rows<S: AsRef<str>>(rows: &[S]) -> Result<Self, LayoutError> {
         let columns = rows
             .first()
@@ -123,6 +192,7 @@ impl Layout {
             .count();
         let mut walls = Vec::with_capacity(rows.len() * columns);
         let (mut starts, mut goals) = (vec![], vec![]);
+        let (mut inlets, mut outlets) = (vec![], vec![]);
         for (row, text) in rows.iter().enumerate() {
             let got = text.as_ref().chars().count();
             if got != columns {
@@ -138,15 +208,23 @@ impl Layout {
                     '1' | '0' => {}
                     'r' => starts.push((row, column)),
                     'g' => goals.push((row, column)),
+                    'i' => inlets.push((row, column)),
+                    'o' => outlets.push((row, column)),
                     found => return Err(LayoutError::UnknownCell { row, found }),
                 }
             }
+        }
+        if walls.iter().all(|wall| *wall) {
+            return Err(LayoutError::NoFreeCell);
         }
         let &[start] = starts.as_slice() else {
             return Err(LayoutError::Starts(starts.len()));
         };
         if goals.is_empty() {
             return Err(LayoutError::NoGoal);
+        }
+        if inlets.is_empty() != outlets.is_empty() {
+            return Err(LayoutError::HalfTeleport);
         }
         let layout = Self {
             rows: rows.len(),
@@ -155,6 +233,9 @@ impl Layout {
             start,
             play_goals: goals.clone(),
             goals,
+            tasks: vec![],
+            inlets,
+            outlets,
         };
         let reach = layout.distances(start);
         match layout
@@ -195,6 +276,25 @@ impl Layout {
         &self.play_goals
     }
 
+    /// Start and goal cells of the maze's evaluation tasks; empty where the start cell and the
+    /// goal cells are all there is to it, as in D4RL.
+    #[must_use]
+    pub fn tasks(&self) -> &[(Cell, Cell)] {
+        &self.tasks
+    }
+
+    /// Cells that take an ant away when it comes near their centre.
+    #[must_use]
+    pub fn inlets(&self) -> &[Cell] {
+        &self.inlets
+    }
+
+    /// Cells at whose centre it comes out again, one of them at random.
+    #[must_use]
+    pub fn outlets(&self) -> &[Cell] {
+        &self.outlets
+    }
+
     /// Whether a cell is a wall; cells beyond the map count as walls.
     #[must_use]
     pub fn is_wall(&self, cell: Cell) -> bool {
@@ -208,6 +308,15 @@ impl Layout {
             .flat_map(|row| (0..self.columns).map(move |column| (row, column)))
             .filter(|&cell| !self.is_wall(cell))
             .collect()
+    }
+
+    /// The free cells that can be walked to from the start without a teleport, row by row.
+    #[must_use]
+    pub fn reachable_cells(&self) -> Vec<Cell> {
+        let reach = self.distances(self.start);
+        let mut cells = self.free_cells();
+        cells.retain(|&cell| reach[self.index(cell)].is_some());
+        cells
     }
 
     /// Centre of a cell (m).
@@ -274,20 +383,37 @@ impl Layout {
             .unwrap_or(cell)
     }
 
-    /// Walls as boxes (centre x, y, half width, half depth; m), runs of a row merged.
+    /// Walls as boxes (centre x, y, half width, half depth; m), runs of a row merged. Where a map
+    /// is open at its edge a wall closes it.
     #[must_use]
     pub fn boxes(&self) -> Vec<[f32; 4]> {
+        let (rows, columns) = (self.rows as i64, self.columns as i64);
+        let is_wall = |row: i64, column: i64| {
+            let cell = |row: i64, column: i64| {
+                let inside = row >= 0 && column >= 0;
+                let cell = (row as usize, column as usize);
+                (inside && cell.0 < self.rows && cell.1 < self.columns).then_some(cell)
+            };
+            match cell(row, column) {
+                Some(cell) => self.is_wall(cell),
+                None => (-1..=1)
+                    .flat_map(|i| (-1..=1).map(move |j| (row + i, column + j)))
+                    .filter_map(|(row, column)| cell(row, column))
+                    .any(|cell| !self.is_wall(cell)),
+            }
+        };
         let mut boxes = vec![];
-        for row in 0..self.rows {
-            let mut column = 0;
-            while column < self.columns {
+        for row in -1..=rows {
+            let mut column = -1;
+            while column <= columns {
                 let first = column;
-                while column < self.columns && self.is_wall((row, column)) {
+                while column <= columns && is_wall(row, column) {
                     column += 1;
                 }
                 if column > first {
-                    let [left, y] = self.centre((row, first));
                     let half = (column - first) as f32 * CELL_SIZE / 2.0;
+                    let left = (first - self.start.1 as i64) as f32 * CELL_SIZE;
+                    let y = (row - self.start.0 as i64) as f32 * CELL_SIZE;
                     boxes.push([left - CELL_SIZE / 2.0 + half, y, half, CELL_SIZE / 2.0]);
                 }
                 column += 1;
@@ -302,13 +428,45 @@ mod tests {
     use super::*;
 
     #[test]
-    fn d4rl_mazes_have_their_known_sizes() {
-        for (name, free, path) in [("umaze", 7, 6), ("medium", 26, 10), ("large", 46, 14)] {
+    fn mazes_have_their_known_sizes() {
+        for (name, free, path) in [
+            ("umaze", 7, 6),
+            ("medium", 26, 10),
+            ("large", 46, 14),
+            ("giant", 86, 30),
+            ("teleport", 45, 15),
+        ] {
             let layout = Layout::named(name).unwrap();
             assert_eq!(layout.free_cells().len(), free, "{name}");
             let start = layout.distances(layout.goals()[0])[layout.index(layout.start())];
             assert_eq!(start, Some(path), "{name}");
+            for (start, goal) in layout.tasks() {
+                let reach = layout.distances(*start);
+                assert!(!layout.is_wall(*start) && reach[layout.index(*goal)].is_some());
+            }
         }
+    }
+
+    #[test]
+    fn the_teleports_exits_include_a_cell_without_a_way_out() {
+        let layout = Layout::named("teleport").unwrap();
+        assert_eq!(layout.inlets(), [(4, 6), (5, 1)]);
+        assert_eq!(layout.outlets(), [(1, 7), (6, 1), (6, 10)]);
+        let reachable = layout.reachable_cells();
+        assert_eq!(reachable.len() + 1, layout.free_cells().len());
+        assert!(!reachable.contains(&(1, 7)));
+    }
+
+    #[test]
+    fn an_open_edge_is_closed_by_a_wall() {
+        let boxes = Layout::from_rows(&["rg"]).unwrap().boxes();
+        let closed = [
+            [2.0, -4.0, 8.0, 2.0],
+            [-4.0, 0.0, 2.0, 2.0],
+            [8.0, 0.0, 2.0, 2.0],
+            [2.0, 4.0, 8.0, 2.0],
+        ];
+        assert_eq!(boxes, closed);
     }
 
     #[test]
@@ -347,6 +505,8 @@ mod tests {
             fault(&["1x1"]),
             LayoutError::UnknownCell { row: 0, found: 'x' }
         );
+        assert_eq!(fault(&["11", "11"]), LayoutError::NoFreeCell);
+        assert_eq!(fault(&["rgi"]), LayoutError::HalfTeleport);
         assert_eq!(fault(&["1g1"]), LayoutError::Starts(0));
         assert_eq!(fault(&["1r1"]), LayoutError::NoGoal);
         assert_eq!(fault(&["r1g"]), LayoutError::Unreachable((0, 2)));

@@ -1,5 +1,6 @@
 //! Start and goal of an episode, as D4RL samples them (`d4rl/locomotion/maze_env.py`,
-//! `scripts/generation/generate_ant_maze_datasets.py`).
+//! `scripts/generation/generate_ant_maze_datasets.py`) and OGBench
+//! (`ogbench/locomaze/maze.py`).
 
 use rand::{Rng, RngExt};
 
@@ -28,10 +29,25 @@ pub struct Task {
     pub goal_cell: Cell,
 }
 
-/// D4RL's evaluation task: from the start cell to a goal cell's centre plus U(0, 1) and
-/// U(0, 0.5) in each axis.
+/// An evaluation task. In D4RL's mazes: from the start cell to a goal cell's centre plus U(0, 1)
+/// and U(0, 0.5) in each axis. In OGBench's (those with [`tasks`](Layout::tasks)): one of the
+/// tasks, start and goal off their centres by U(-1, 1) in each axis.
 #[must_use]
 pub fn evaluation_task(layout: &Layout, rng: &mut impl Rng) -> Task {
+    if !layout.tasks().is_empty() {
+        let (start, goal_cell) = layout.tasks()[rng.random_range(0..layout.tasks().len())];
+        let mut noisy = |cell| {
+            layout
+                .centre(cell)
+                .map(|axis| axis + rng.random_range(-1.0..1.0_f32))
+        };
+        let (start, goal) = (noisy(start), noisy(goal_cell));
+        return Task {
+            start,
+            goal,
+            goal_cell,
+        };
+    }
     let goal_cell = pick(layout.goals(), rng);
     let goal = layout
         .centre(goal_cell)
@@ -43,11 +59,11 @@ pub fn evaluation_task(layout: &Layout, rng: &mut impl Rng) -> Task {
     }
 }
 
-/// A task of data collection: a free start cell that is no goal cell of its style's own, plus
+/// A task of data collection: a start cell that can be reached that is no goal cell of its style's own, plus
 /// U(0, 1) in each axis, and a goal of the style, another cell.
 #[must_use]
 pub fn random_task(layout: &Layout, style: Style, rng: &mut impl Rng) -> Task {
-    let free = layout.free_cells();
+    let free = layout.reachable_cells();
     let goal_cell = match style {
         Style::Diverse => pick(&free, rng),
         Style::Play => pick(layout.play_goals(), rng),
@@ -85,6 +101,22 @@ mod tests {
     use rand_pcg::Pcg64Mcg;
 
     use super::*;
+
+    #[test]
+    fn ogbench_tasks_are_all_drawn_and_lie_within_a_metre_of_their_cells() {
+        let layout = Layout::named("giant").unwrap();
+        let mut rng = Pcg64Mcg::seed_from_u64(0);
+        let mut seen = std::collections::BTreeSet::new();
+        for _ in 0..200 {
+            let task = evaluation_task(&layout, &mut rng);
+            let start = layout.cell_at(task.start).unwrap();
+            assert!(layout.tasks().contains(&(start, task.goal_cell)));
+            let [x, y] = layout.centre(task.goal_cell);
+            assert!((task.goal[0] - x).abs() <= 1.0 && (task.goal[1] - y).abs() <= 1.0);
+            seen.insert(start);
+        }
+        assert_eq!(seen.len(), 5);
+    }
 
     #[test]
     fn tasks_lie_in_free_cells_and_within_d4rls_ranges() {

@@ -1,7 +1,8 @@
 //! The rapier world that holds one ant and its maze.
 
-use rand::Rng;
+use rand::{Rng, RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal, Uniform};
+use rand_pcg::Pcg64Mcg;
 use rapier3d::prelude::*;
 
 use crate::ant::{
@@ -20,12 +21,18 @@ const LIMIT_SPRING: [f32; 2] = [6.0, 1.25];
 /// A limit acts this much (s) before a limb gets there: rapier looks once a substep, and a fast
 /// limb would be far past it.
 const LIMIT_LEAD: f32 = 0.008;
+/// A limb that would stay this far (rad) from its limits at its speed does not get there within a
+/// call of the pipeline: full torque turns it by 0.04 rad, the rest is for pushes of the floor.
+const LIMIT_REACH: f32 = 0.1;
 /// Natural frequency (Hz) and damping ratio of a contact. MuJoCo raises the time constant of
 /// 0.02 s in `ant.xml` to twice its time step, so its floor is soft; on a stiff one gaits slip and
 /// ants flip.
 const CONTACT_SPRING: [f32; 2] = [8.0, 1.0];
 /// Distance (m) from which floor and walls push, `ant.xml`'s margin.
 const CONTACT_MARGIN: f32 = 0.01;
+/// An ant this near (m) the centre of a teleport's inlet is taken away (seohongpark/ogbench,
+/// `ogbench/locomaze/maze.py`).
+const TELEPORT_RADIUS: f32 = 1.5;
 /// Degrees of freedom of the free torso: linear, then angular.
 const ROOT: usize = 6;
 const DOFS: usize = ROOT + JOINTS;
@@ -75,7 +82,7 @@ struct Sets {
 
 /// A saved state; restoring it continues bit by bit as the original did.
 #[derive(Clone)]
-pub struct State(Box<Sets>);
+pub struct State(Box<(Sets, Pcg64Mcg)>);
 
 /// One ant in one maze.
 pub struct AntMaze {
@@ -90,6 +97,11 @@ pub struct AntMaze {
     links: [RigidBodyHandle; BODIES],
     root: MultibodyJointHandle,
     axes: [Vector; JOINTS],
+    /// Centres of the teleports' inlets and outlets (m).
+    inlets: Vec<[f32; 2]>,
+    outlets: Vec<[f32; 2]>,
+    /// Picks outlets.
+    exits: Pcg64Mcg,
 }
 
 fn integration(physics: &Physics) -> IntegrationParameters {
@@ -148,6 +160,9 @@ impl AntMaze {
             links,
             root,
             axes,
+            inlets: layout.inlets().iter().map(|c| layout.centre(*c)).collect(),
+            outlets: layout.outlets().iter().map(|c| layout.centre(*c)).collect(),
+            exits: Pcg64Mcg::seed_from_u64(0),
         };
         world.reset_to([0.0, 0.0]);
         world
@@ -159,7 +174,7 @@ impl AntMaze {
     }
 
     /// Puts the ant at a place (m) with D4RL's reset noise: positions U(-0.1, 0.1), velocities
-    /// 0.1 N(0, 1).
+    /// 0.1 N(0, 1). In a maze with teleports it seeds the choice of their outlets, too.
     pub fn reset(&mut self, place: [f32; 2], rng: &mut impl Rng) {
         let mut observation = reset_pose(place);
         if let Ok(noise) = Uniform::new_inclusive(-0.1, 0.1) {
@@ -170,6 +185,9 @@ impl AntMaze {
         for value in &mut observation[15..] {
             let sample: f32 = StandardNormal.sample(rng);
             *value = 0.1 * sample;
+        }
+        if !self.outlets.is_empty() {
+            self.exits = Pcg64Mcg::seed_from_u64(rng.random());
         }
         self.set(&observation);
     }
@@ -248,9 +266,32 @@ impl AntMaze {
                 &(),
             );
         }
+        self.teleport();
     }
 
-    /// Moves each limit towards the limb that comes at it.
+    /// Takes an ant that came near an inlet to one of the outlets; all but its place stays.
+    fn teleport(&mut self) {
+        let Sets {
+            bodies, multibody, ..
+        } = &mut self.sets;
+        let Some(torso) = bodies.get_mut(self.links[0]) else {
+            return;
+        };
+        let place = torso.translation();
+        let near = |[x, y]: &[f32; 2]| (x - place.x).hypot(y - place.y) <= TELEPORT_RADIUS;
+        if !self.inlets.iter().any(near) {
+            return;
+        }
+        let [x, y] = self.outlets[self.exits.random_range(0..self.outlets.len())];
+        torso.set_translation(Vector::new(x, y, place.z), true);
+        if let Some((ant, _)) = multibody.get_mut(self.root) {
+            ant.forward_kinematics(bodies, true);
+            ant.update_rigid_bodies(bodies, true);
+        }
+    }
+
+    /// Moves each limit towards the limb that comes at it. Limits out of reach are left out, since
+    /// each costs rapier a solve of the mass matrix even where it does nothing.
     fn lead_limits(&mut self) {
         let Some((ant, _)) = self.sets.multibody.get_mut(self.root) else {
             return;
@@ -262,7 +303,13 @@ impl AntMaze {
             let [low, high] = JOINT_RANGES[joint];
             let ahead = LIMIT_LEAD * velocity[joint];
             let limits = [low - ahead.min(0.0), high - ahead.max(0.0)];
-            link.joint.data.set_limits(JointAxis::AngX, limits);
+            let angle = link.joint().coords()[3];
+            let reach = velocity[joint].abs() * self.parameters.dt + LIMIT_REACH;
+            let hinge = &mut link.joint.data;
+            hinge.set_limits(JointAxis::AngX, limits);
+            if angle - reach > limits[0] && angle + reach < limits[1] {
+                hinge.limit_axes = JointAxesMask::empty();
+            }
         }
     }
 
@@ -337,15 +384,29 @@ impl AntMaze {
         })
     }
 
+    /// Mass (kg) and principal inertia (kg m^2) of torso and the hip and foot links of legs 1 to 4.
+    #[must_use]
+    pub fn inertias(&self) -> [[f32; 4]; BODIES] {
+        self.links.map(|link| {
+            self.sets.bodies.get(link).map_or([0.0; 4], |body| {
+                let own = &body.mass_properties().local_mprops;
+                let [x, y, z] = own.principal_inertia().to_array();
+                [own.mass(), x, y, z]
+            })
+        })
+    }
+
     /// Saves the state; see [`restore`](Self::restore).
     #[must_use]
     pub fn save(&self) -> State {
-        State(Box::new(self.sets.clone()))
+        State(Box::new((self.sets.clone(), self.exits.clone())))
     }
 
     /// Continues from a saved state of a world of the same maze and physics.
     pub fn restore(&mut self, state: &State) {
-        self.sets.clone_from(&state.0);
+        let (sets, exits) = &*state.0;
+        self.sets.clone_from(sets);
+        self.exits.clone_from(exits);
     }
 }
 
@@ -454,13 +515,18 @@ mod tests {
 
     #[test]
     fn the_ant_weighs_what_mujoco_says() {
-        let world = medium();
-        let mass: f32 = world
-            .links
-            .iter()
-            .map(|&l| world.sets.bodies[l].mass())
-            .sum();
+        let inertias = medium().inertias();
+        let mass: f32 = inertias.iter().map(|[mass, ..]| mass).sum();
         assert!((mass - 0.91088).abs() < 1e-4, "{mass}");
+        // A foot link: kg, and kg m^2 along and across.
+        let [mass, mut i @ ..] = inertias[2];
+        i.sort_by(f32::total_cmp);
+        for (got, wanted) in [mass, i[0], i[1], i[2]]
+            .iter()
+            .zip([0.067_592, 2.094e-4, 2.675e-3, 2.675e-3])
+        {
+            assert!((got / wanted - 1.0).abs() < 1e-2, "{inertias:?}");
+        }
     }
 
     #[test]
@@ -542,6 +608,38 @@ mod tests {
             "{} degrees",
             overshoot.to_degrees()
         );
+    }
+
+    #[test]
+    fn an_inlet_takes_the_ant_to_every_outlet_and_changes_nothing_else() {
+        let layout = Layout::named("teleport").unwrap();
+        let mut world = AntMaze::new(&layout, Physics::MAZE);
+        let inlet = layout.centre(layout.inlets()[0]);
+        let mut rng = Pcg64Mcg::seed_from_u64(0);
+        let mut seen = std::collections::BTreeSet::new();
+        for _ in 0..20 {
+            world.reset([inlet[0] + 1.2, inlet[1]], &mut rng);
+            let before = world.save();
+            world.step(&[0.0; 8]);
+            let o = world.observation();
+            seen.insert(layout.cell_at([o[0], o[1]]).unwrap());
+            for _ in 0..20 {
+                world.step(&[0.0; 8]);
+            }
+            let end = world.observation();
+            assert!(
+                (end[0] - o[0]).hypot(end[1] - o[1]) < 1.0,
+                "it stands: {end:?}"
+            );
+            world.restore(&before);
+            world.step(&[0.0; 8]);
+            assert_eq!(
+                world.observation(),
+                o,
+                "a restored state takes the same exit"
+            );
+        }
+        assert_eq!(seen.into_iter().collect::<Vec<_>>(), layout.outlets());
     }
 
     #[test]
