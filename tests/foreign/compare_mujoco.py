@@ -285,4 +285,5 @@ def main():
         path.write_text(f"{before}<!-- table -->\n{text}\n<!-- end of table -->{after}")
 
 
-main()
+if __name__ == "__main__":
+    main()
