@@ -38,13 +38,7 @@ struct Walker {
 }
 
 impl Walker {
-    fn new(layout: &Layout, in_maze: bool, seed: u64, segment: usize) -> Self {
-        let physics = if in_maze {
-            Physics::MAZE
-        } else {
-            Physics::OPEN_FLOOR
-        };
-        let world = AntMaze::new(layout, physics);
+    fn new(world: AntMaze, layout: &Layout, in_maze: bool, seed: u64, segment: usize) -> Self {
         let observation = world.observation();
         let mut walker = Self {
             world,
@@ -203,8 +197,14 @@ pub(crate) fn run(
     let mut workspace = policy.mlp().workspace(count);
     let in_maze = (w.maze_share * count as f64).round() as usize;
     let seed = config.run.seed.wrapping_mul(1_000_003) + u64::from(id) * 4096;
+    let floor = AntMaze::new(layout, Physics::OPEN_FLOOR);
+    let maze = AntMaze::new(layout, Physics::MAZE);
     let mut walkers: Vec<Walker> = (0..count)
-        .map(|i| Walker::new(layout, i < in_maze, seed + i as u64, w.segment))
+        .map(|i| {
+            let walled = i < in_maze;
+            let world = if walled { &maze } else { &floor }.clone();
+            Walker::new(world, layout, walled, seed + i as u64, w.segment)
+        })
         .collect();
     let mut rng = Pcg64Mcg::seed_from_u64(seed + 4095);
     let mut features = Vec::with_capacity(count * EGOCENTRIC);

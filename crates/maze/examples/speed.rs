@@ -57,9 +57,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let time = Duration::try_from_secs_f64(seconds)?;
     let layout = Layout::named("medium")?;
     let before = resident();
-    let mut worlds: Vec<AntMaze> = (0..WORLDS)
-        .map(|_| AntMaze::new(&layout, Physics::MAZE))
-        .collect();
+    let mut worlds = vec![AntMaze::new(&layout, Physics::MAZE); WORLDS];
     let mut rng = Pcg64Mcg::seed_from_u64(0);
     for world in &mut worlds {
         world.reset([0.0, 0.0], &mut rng);

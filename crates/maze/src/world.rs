@@ -1,5 +1,7 @@
 //! The rapier world that holds one ant and its maze.
 
+use std::sync::Arc;
+
 use rand::{Rng, RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal, Uniform};
 use rand_pcg::Pcg64Mcg;
@@ -84,7 +86,8 @@ struct Sets {
 #[derive(Clone)]
 pub struct State(Box<(Sets, Pcg64Mcg)>);
 
-/// One ant in one maze.
+/// One ant in one maze. A clone is another ant in the same state; the two share what never
+/// changes, so clone a world rather than build many.
 pub struct AntMaze {
     physics: Physics,
     parameters: IntegrationParameters,
@@ -93,7 +96,7 @@ pub struct AntMaze {
     soft: SoftBodySet,
     sets: Sets,
     /// Never simulated. Resets start from it, since rapier's caches make a world remember.
-    pristine: Sets,
+    pristine: Arc<Sets>,
     links: [RigidBodyHandle; BODIES],
     root: MultibodyJointHandle,
     axes: [Vector; JOINTS],
@@ -126,13 +129,32 @@ fn integration(physics: &Physics) -> IntegrationParameters {
     }
 }
 
+impl Clone for AntMaze {
+    fn clone(&self) -> Self {
+        Self {
+            // Workspaces of a step; they hold no state.
+            pipeline: PhysicsPipeline::new(),
+            ccd: CCDSolver::new(),
+            soft: SoftBodySet::new(),
+            sets: self.sets.clone(),
+            pristine: Arc::clone(&self.pristine),
+            inlets: self.inlets.clone(),
+            outlets: self.outlets.clone(),
+            exits: self.exits.clone(),
+            ..*self
+        }
+    }
+}
+
 impl AntMaze {
     /// Builds the world, with the ant at rest at the origin.
     #[must_use]
     pub fn new(layout: &Layout, physics: Physics) -> Self {
         let mut sets = Sets {
             islands: IslandManager::new(),
-            broad: BroadPhaseBvh::new(),
+            // Nine shapes move among a few walls, and resets restore the tree: mending it every
+            // step costs more than it gains.
+            broad: BroadPhaseBvh::with_optimization_strategy(BvhOptimizationStrategy::None),
             narrow: NarrowPhase::new(),
             bodies: RigidBodySet::new(),
             colliders: ColliderSet::new(),
@@ -155,7 +177,7 @@ impl AntMaze {
             pipeline: PhysicsPipeline::new(),
             ccd: CCDSolver::new(),
             soft: SoftBodySet::new(),
-            pristine: sets.clone(),
+            pristine: Arc::new(sets.clone()),
             sets,
             links,
             root,
@@ -436,6 +458,19 @@ fn build_maze(sets: &mut Sets, layout: &Layout, walls: bool) {
     }
 }
 
+/// The four capsules of `ant.xml` from the torso's centre to the hips, as mass alone: what of them
+/// is not inside the torso's sphere or the hip links' round ends stands out by less than 1 cm, so
+/// they touch nothing that those would not.
+fn stubs() -> MassProperties {
+    LEG_DIRECTIONS
+        .into_iter()
+        .map(|[x, y]| {
+            let hip = Vector::new(x, y, 0.0) * LINK;
+            MassProperties::from_capsule(DENSITY, Vector::ZERO, hip, LEG_RADIUS)
+        })
+        .sum()
+}
+
 fn build_ant(
     sets: &mut Sets,
     axes: &[Vector; JOINTS],
@@ -455,8 +490,13 @@ fn build_ant(
             let distance = if body % 2 == 1 { LINK } else { 2.0 * LINK };
             place += Vector::new(x, y, 0.0) * distance;
         }
-        let pose = Pose::from_translation(place);
-        bodies.insert(RigidBodyBuilder::dynamic().pose(pose).can_sleep(false))
+        let mut builder = RigidBodyBuilder::dynamic()
+            .pose(Pose::from_translation(place))
+            .can_sleep(false);
+        if body == 0 {
+            builder = builder.additional_mass_properties(stubs());
+        }
+        bodies.insert(builder)
     });
     let mut add = |shape: ColliderBuilder, body: usize| {
         let shape = shape
@@ -469,9 +509,11 @@ fn build_ant(
     for (leg, [x, y]) in LEG_DIRECTIONS.into_iter().enumerate() {
         let offset = Vector::new(x, y, 0.0) * LINK;
         let capsule = |end| ColliderBuilder::capsule_from_endpoints(Vector::ZERO, end, LEG_RADIUS);
-        add(capsule(offset), 0);
         add(capsule(offset), 1 + 2 * leg);
         add(capsule(offset * 2.0), 2 + 2 * leg);
+    }
+    if let Some(torso) = bodies.get_mut(links[0]) {
+        torso.recompute_mass_properties_from_colliders(colliders);
     }
     let [frequency, damping_ratio] = LIMIT_SPRING;
     let limit = SpringCoefficients::new(frequency, damping_ratio);
@@ -518,6 +560,8 @@ mod tests {
         let inertias = medium().inertias();
         let mass: f32 = inertias.iter().map(|[mass, ..]| mass).sum();
         assert!((mass - 0.91088).abs() < 1e-4, "{mass}");
+        let torso_mass = inertias[0][0];
+        assert!((torso_mass - 0.483_882).abs() < 1e-4, "{torso_mass}");
         // A foot link: kg, and kg m^2 along and across.
         let [mass, mut i @ ..] = inertias[2];
         i.sort_by(f32::total_cmp);
@@ -658,7 +702,9 @@ mod tests {
         b.reset([0.0, 0.0], &mut Pcg64Mcg::seed_from_u64(4));
         assert_eq!(run(&mut a, 5), run(&mut b, 5));
         let saved = a.save();
+        let mut other = a.clone();
         let first = run(&mut a, 6);
+        assert_eq!(run(&mut other, 6), first, "a clone goes the same way");
         a.restore(&saved);
         assert_eq!(run(&mut a, 6), first);
     }
