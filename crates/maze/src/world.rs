@@ -19,17 +19,19 @@ const JOINTS: usize = 8;
 /// Natural frequency (Hz) and damping ratio of a joint limit. With them the reset pose's ankles,
 /// which start outside their range, are kicked in about as fast as MuJoCo kicks them, and random
 /// actions push limbs as far past their limits (`docs/measurements.md`).
-const LIMIT_SPRING: [f32; 2] = [6.0, 1.25];
+const LIMIT_SPRING: [f32; 2] = [5.0, 1.25];
 /// A limit acts this much (s) before a limb gets there: rapier looks once a substep, and a fast
 /// limb would be far past it.
-const LIMIT_LEAD: f32 = 0.008;
+const LIMIT_LEAD: f32 = 0.018;
 /// A limb that would stay this far (rad) from its limits at its speed does not get there within a
-/// call of the pipeline: full torque turns it by 0.04 rad, the rest is for pushes of the floor.
-const LIMIT_REACH: f32 = 0.1;
+/// call of the pipeline: full torque turns it by 0.15 rad, the rest is for pushes of the floor.
+const LIMIT_REACH: f32 = 0.25;
 /// Natural frequency (Hz) and damping ratio of a contact. MuJoCo raises the time constant of
 /// 0.02 s in `ant.xml` to twice its time step, so its floor is soft; on a stiff one gaits slip and
 /// ants flip.
 const CONTACT_SPRING: [f32; 2] = [8.0, 1.0];
+/// Contacts are found once a call of the pipeline, this far ahead (m): a foot makes up to 3 m/s.
+const CONTACT_PREDICTION: f32 = 0.3;
 /// Distance (m) from which floor and walls push, `ant.xml`'s margin.
 const CONTACT_MARGIN: f32 = 0.01;
 /// An ant this near (m) the centre of a teleport's inlet is taken away (seohongpark/ogbench,
@@ -51,10 +53,10 @@ pub struct Physics {
 }
 
 impl Physics {
-    /// The project's setting: 2 calls of 2 substeps, 25 ms each.
+    /// The project's setting: one call of 3 substeps, 33 ms each.
     pub const MAZE: Self = Self {
-        pipeline_steps: 2,
-        solver_iterations: 2,
+        pipeline_steps: 1,
+        solver_iterations: 3,
         walls: true,
     };
     /// The same without walls.
@@ -119,7 +121,7 @@ fn integration(physics: &Physics) -> IntegrationParameters {
         // reset pose's ankles are kicked into their range and the ant stands up.
         num_internal_stabilization_iterations: 0,
         // With coarse steps the defaults let feet sink in: look ahead further, and renew contacts.
-        normalized_prediction_distance: 0.1,
+        normalized_prediction_distance: CONTACT_PREDICTION,
         contact_recycling: false,
         max_ccd_substeps: 0,
         contact_softness: contact,
