@@ -19,7 +19,7 @@ const JOINTS: usize = 8;
 /// Natural frequency (Hz) and damping ratio of a joint limit. With them the reset pose's ankles,
 /// which start outside their range, are kicked in about as fast as MuJoCo kicks them, and random
 /// actions push limbs as far past their limits (`docs/measurements.md`).
-const LIMIT_SPRING: [f32; 2] = [5.0, 1.25];
+const LIMIT_SPRING: [f32; 2] = [6.0, 1.1];
 /// A limit acts this much (s) before a limb gets there: rapier looks once a substep, and a fast
 /// limb would be far past it.
 const LIMIT_LEAD: f32 = 0.018;
