@@ -1,9 +1,16 @@
 //! Offline episodes on disk and in memory: one flat copy of the data.
 //!
-//! Each file format is a module that reads into [`Dataset`]; so far there is [`d4rl`].
+//! Each file format is a module that reads [`Dataset`]s and writes them: [`d4rl`], [`minari`] and
+//! [`ogbench`]. [`open`] tells them apart by content.
 
 pub mod d4rl;
 mod error;
+mod format;
+mod hdf5;
+pub mod minari;
+pub mod ogbench;
+mod parallel;
+mod replace;
 mod starts;
 mod summary;
 
@@ -11,6 +18,7 @@ use std::ops::Range;
 use std::path::Path;
 
 pub use error::DatasetError;
+pub use format::{Format, open};
 pub use starts::Starts;
 pub use summary::Summary;
 
@@ -20,6 +28,10 @@ pub const OBSERVATION: usize = 29;
 pub const ACTION: usize = 8;
 
 /// Episodes, flat. All arrays have a row for each step; rows are counted from 0.
+///
+/// Rows of an episode are states that follow each other, each a step after the one before. An
+/// episode's last row may hold an action without effect (OGBench) or of zeros (Minari): no state
+/// follows it, so nothing is to be learnt from it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Dataset {
     /// `[n, 29]`, before the action.
@@ -37,12 +49,35 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Reads a data set in D4RL's layout.
+    /// Reads a data set of any [`Format`], recognised by its content.
     ///
     /// # Errors
     /// Anything that is wrong with the file, by key and row.
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
-        d4rl::read(path)
+        open(path).map(|(_, data)| data)
+    }
+
+    /// Some of the episodes, by number, as a data set of their own.
+    ///
+    /// # Panics
+    /// When there are not as many episodes.
+    #[must_use]
+    pub fn select(&self, numbers: Range<usize>) -> Self {
+        let episodes = &self.episodes[numbers];
+        let rows = episodes.first().map_or(0, |first| first.start)
+            ..episodes.last().map_or(0, |last| last.end);
+        Self {
+            observations: self.observations[rows.start * OBSERVATION..rows.end * OBSERVATION]
+                .to_vec(),
+            actions: self.actions[rows.start * ACTION..rows.end * ACTION].to_vec(),
+            rewards: self.rewards[rows.clone()].to_vec(),
+            terminals: self.terminals[rows.clone()].to_vec(),
+            goals: self.goals.get(rows.clone()).unwrap_or_default().to_vec(),
+            episodes: episodes
+                .iter()
+                .map(|episode| episode.start - rows.start..episode.end - rows.start)
+                .collect(),
+        }
     }
 
     /// Rows.
@@ -118,6 +153,19 @@ impl Dataset {
         };
         self.episodes.iter().filter(passes).count() as f32 / self.episodes.len().max(1) as f32
     }
+}
+
+/// Episodes from the marks of their last rows; rows after the last mark are an episode too.
+pub(crate) fn episodes(last: &[bool]) -> Vec<Range<usize>> {
+    let mut episodes = vec![];
+    let mut start = 0;
+    for (row, last_row) in last.iter().enumerate() {
+        if *last_row || row + 1 == last.len() {
+            episodes.push(start..row + 1);
+            start = row + 1;
+        }
+    }
+    episodes
 }
 
 /// Data sets made up for tests.
