@@ -75,3 +75,107 @@ pub fn open(path: &Path) -> Result<(Format, Dataset), DatasetError> {
     }
     Ok((Format::D4rl, d4rl::from_reader(&reader)?))
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{ACTION, made};
+
+    const ALL: [(Format, &str); 3] = [
+        (Format::D4rl, "d.hdf5"),
+        (Format::Minari, "m"),
+        (Format::Ogbench, "o.npz"),
+    ];
+
+    #[test]
+    fn content_tells_the_format_whatever_the_name() {
+        let folder = tempfile::tempdir().unwrap();
+        for (format, name) in ALL {
+            let path = folder.path().join(name);
+            format.write(&path, &made::varied(&[2, 3])).unwrap();
+            let file = if format == Format::Minari {
+                path.join("data/main_data.hdf5")
+            } else {
+                path.clone()
+            };
+            let other = folder.path().join("name.txt");
+            fs::copy(file, &other).unwrap();
+            for path in [&path, &other] {
+                assert_eq!(open(path).unwrap().0, format, "{}", path.display());
+            }
+        }
+        let other = folder.path().join("name.txt");
+        for bytes in [&b""[..], b"PK", b"\x89HDF", b"some text"] {
+            fs::write(&other, bytes).unwrap();
+            let error = open(&other).unwrap_err().to_string();
+            assert!(error.contains("name.txt: neither HDF5"), "{error}");
+        }
+        let error = open(&folder.path().join("none")).unwrap_err();
+        assert!(matches!(error, DatasetError::Io { .. }));
+    }
+
+    #[test]
+    fn bad_deflate_names_key_and_rows() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("long.hdf5");
+        d4rl::write(&path, &made::varied(&[20_000])).unwrap();
+        let sound = fs::read(&path).unwrap();
+        let mut rows = 0;
+        for at in (0..sound.len() - 64).step_by(sound.len() / 20) {
+            let mut bytes = sound.clone();
+            bytes[at..at + 64].fill(0xff);
+            if let Err(error) = d4rl::read_bytes(&path, bytes) {
+                rows += usize::from(error.to_string().contains("': rows "));
+            }
+        }
+        assert!(rows > 5, "{rows} of 20 damages named by rows");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        /// What a format holds comes back from it, also by way of the others.
+        #[test]
+        fn formats_keep_what_they_hold(
+            lengths in prop::collection::vec(1_usize..9, 1..12),
+            goals in any::<bool>(),
+            way in Just(ALL.to_vec()).prop_shuffle(),
+        ) {
+            let mut data = made::varied(&lengths);
+            if !goals {
+                data.goals.clear();
+            }
+            let folder = tempfile::tempdir().unwrap();
+            let wanted = data.clone();
+            let (mut minari, mut ogbench) = (false, false);
+            for (format, name) in way {
+                let path = folder.path().join(name);
+                format.write(&path, &data).unwrap();
+                let (found, read) = open(&path).unwrap();
+                prop_assert_eq!(found, format);
+                made::sound(&read);
+                minari |= format == Format::Minari;
+                ogbench |= format == Format::Ogbench;
+                prop_assert_eq!(&read.observations, &wanted.observations);
+                prop_assert_eq!(&read.episodes, &wanted.episodes);
+                for row in 0..read.len() {
+                    // Minari has no action, reward and terminal in an episode's last row.
+                    let kept = !minari || wanted.steps_left(row) > 0;
+                    let action = if kept { wanted.action(row) } else { &[0.0; ACTION] };
+                    prop_assert_eq!(read.action(row), action);
+                    let (reward, terminal) = (wanted.rewards[row], wanted.terminals[row]);
+                    let told = (read.rewards[row], read.terminals[row]);
+                    let kept = kept && !ogbench;
+                    prop_assert_eq!(told, if kept { (reward, terminal) } else { (0.0, false) });
+                }
+                match read.goals.as_slice() {
+                    [] => prop_assert!(!goals || ogbench),
+                    found if goals && !ogbench => prop_assert_eq!(found, &wanted.goals),
+                    found => prop_assert!(minari && found.iter().all(|goal| *goal == [0.0; 2])),
+                }
+                data = read;
+            }
+        }
+    }
+}

@@ -190,6 +190,46 @@ pub(crate) mod made {
         }
         data
     }
+
+    /// Episodes of these lengths whose values all differ, by no more than a step's way.
+    pub(crate) fn varied(lengths: &[usize]) -> Dataset {
+        // Scattered, so that they deflate no better than real ones.
+        let value = |at: usize| {
+            let bits = (at as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            ((bits ^ bits >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f32 / 1e7 - 0.8
+        };
+        let n: usize = lengths.iter().sum();
+        let mut start = 0;
+        Dataset {
+            observations: (0..n * OBSERVATION).map(value).collect(),
+            actions: (0..n * ACTION).map(value).collect(),
+            rewards: (0..n).map(value).collect(),
+            terminals: (0..n).map(|row| row % 3 == 1).collect(),
+            episodes: lengths
+                .iter()
+                .map(|length| {
+                    start += length;
+                    start - length..start
+                })
+                .collect(),
+            goals: (0..n).map(|row| [value(row), value(row + n)]).collect(),
+        }
+    }
+
+    /// Panics unless the arrays are of one length and the episodes are all rows.
+    pub(crate) fn sound(data: &Dataset) {
+        let n = data.len();
+        assert_eq!(data.observations.len(), n * OBSERVATION);
+        assert_eq!(data.actions.len(), n * ACTION);
+        assert_eq!(data.terminals.len(), n);
+        assert!(data.goals.is_empty() || data.goals.len() == n);
+        let mut end = 0;
+        for episode in &data.episodes {
+            assert!(episode.start == end && episode.end > end, "{episode:?}");
+            end = episode.end;
+        }
+        assert!(n > 0 && end == n);
+    }
 }
 
 #[cfg(test)]
@@ -203,6 +243,18 @@ mod tests {
         assert_eq!(of, [0, 0, 0, 1, 2, 2, 2, 2, 3]);
         let left: Vec<usize> = (0..9).map(|row| data.steps_left(row)).collect();
         assert_eq!(left, [2, 1, 0, 0, 3, 2, 1, 0, 0]);
+    }
+
+    #[test]
+    fn selected_episodes_are_rows_of_their_own() {
+        let data = made::varied(&[3, 1, 4]);
+        let last = data.select(1..3);
+        assert_eq!(last.episodes, [0..1, 1..5]);
+        assert_eq!(last.observation(1), data.observation(4));
+        assert_eq!(last.goals, data.goals[3..]);
+        made::sound(&last);
+        assert_eq!(data.select(0..3), data);
+        assert_eq!(data.select(1..1), Dataset::default());
     }
 
     #[test]

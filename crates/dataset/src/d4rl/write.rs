@@ -246,7 +246,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new/chunks.hdf5");
         let n = 2 * CHUNK as usize + 5;
-        let count = |width: usize| (0..n * width).map(|i| i as f32).collect::<Vec<f32>>();
+        let count = |width: usize| {
+            (0..n * width)
+                .map(|i| (i % 2039) as f32 * 1e-3)
+                .collect::<Vec<f32>>()
+        };
         let rows = Rows {
             observations: &count(OBSERVATION),
             actions: &count(ACTION),

@@ -203,3 +203,197 @@ fn episode(reader: &Reader<'_>, room: Room<'_>) -> Result<(), DatasetError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use hdf5_pure::FileBuilder;
+
+    use super::*;
+    use crate::{made, minari};
+
+    /// The folder of two episodes, of three rows and of two, and its main file's bytes.
+    fn written(within: &Path) -> (PathBuf, Vec<u8>) {
+        let path = within.join("small-v2");
+        minari::write(&path, &made::varied(&[3, 2])).unwrap();
+        let bytes = fs::read(path.join("data").join(MAIN)).unwrap();
+        (path, bytes)
+    }
+
+    #[test]
+    fn an_episode_has_a_row_more_than_actions_and_its_last_action_is_zero() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, _) = written(folder.path());
+        let (data, wanted) = (read(&path).unwrap(), made::varied(&[3, 2]));
+        assert_eq!(data.episodes, [0..3, 3..5]);
+        assert_eq!(data.observations, wanted.observations);
+        assert_eq!(data.goals, wanted.goals);
+        for row in [0, 1, 3] {
+            assert_eq!(data.action(row), wanted.action(row));
+            assert_eq!(data.rewards[row], wanted.rewards[row]);
+            assert_eq!(data.terminals[row], wanted.terminals[row]);
+        }
+        for row in [2, 4] {
+            assert_eq!(data.action(row), [0.0; ACTION]);
+            assert_eq!((data.rewards[row], data.terminals[row]), (0.0, false));
+        }
+        assert_eq!(read(&path.join("data")).unwrap(), data);
+        assert_eq!(read(&path.join("data").join(MAIN)).unwrap(), data);
+    }
+
+    /// A file of one episode of two steps; `width` is that of `observation`, `skip` a key that is
+    /// left out, `nan` one whose second row holds a value that is not finite.
+    fn made_up(width: usize, skip: &str, nan: &str) -> Result<Dataset, DatasetError> {
+        let mut builder = FileBuilder::new();
+        let mut group = builder.create_group("episode_0");
+        let mut observations = group.create_group("observations");
+        for (name, rows, width) in [
+            ("actions", 2, ACTION),
+            ("rewards", 2, 1),
+            ("terminations", 2, 1),
+            ("truncations", 2, 1),
+            ("observation", 3, width),
+            ("achieved_goal", 3, 2),
+            ("desired_goal", 3, 2),
+        ] {
+            if name == skip {
+                continue;
+            }
+            let mut values: Vec<f64> = (0..rows * width).map(|at| at as f64).collect();
+            if name == nan {
+                values[width] = f64::INFINITY;
+            }
+            let group = if rows == 3 {
+                &mut observations
+            } else {
+                &mut group
+            };
+            let array = group.create_dataset(name).with_f64_data(&values);
+            if width > 1 {
+                array.with_shape(&[rows as u64, width as u64]);
+            }
+        }
+        group.add_group(observations.finish());
+        builder.add_group(group.finish());
+        read_bytes(Path::new("made.hdf5"), builder.finish().unwrap())
+    }
+
+    #[test]
+    fn a_row_is_the_place_and_the_first_27_values() {
+        for width in [27, 105] {
+            let data = made_up(width, "", "").unwrap();
+            assert_eq!(data.observation(1)[..3], [2.0, 3.0, width as f32]);
+            assert_eq!(data.observation(2)[28], 2.0 * width as f32 + 26.0);
+        }
+        let error = made_up(26, "", "").unwrap_err().to_string();
+        let wanted = "'episode_0/observations/observation' has shape [3, 26], expected [3, 27 or";
+        assert!(error.contains(wanted), "{error}");
+    }
+
+    #[test]
+    fn missing_keys_and_values_that_are_not_finite_are_named() {
+        for name in ["actions", "rewards", "terminations", "truncations"] {
+            let error = made_up(27, name, "").unwrap_err().to_string();
+            let wanted = format!("made.hdf5: 'episode_0/{name}': is missing");
+            assert!(error.contains(&wanted), "{error}");
+        }
+        for name in ["observation", "achieved_goal", "desired_goal"] {
+            let error = made_up(27, name, "").unwrap_err().to_string();
+            let wanted = format!("'episode_0/observations/{name}': is missing");
+            assert!(error.contains(&wanted), "{error}");
+            let error = made_up(27, "", name).unwrap_err().to_string();
+            let wanted =
+                format!("'episode_0/observations/{name}' holds a value that is not finite");
+            assert!(
+                error.contains(&wanted) && error.ends_with("in row 1"),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn no_episode_a_gap_and_another_count_than_the_metadata_are_named() {
+        let refused = |builder: FileBuilder| {
+            read_bytes(Path::new("made.hdf5"), builder.finish().unwrap())
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(refused(FileBuilder::new()).contains("no episode"));
+        let mut gap = FileBuilder::new();
+        let group = gap.create_group("episode_1").finish();
+        gap.add_group(group);
+        let error = refused(gap);
+        assert!(error.contains("'episode_0': is missing"), "{error}");
+
+        let folder = tempfile::tempdir().unwrap();
+        let (path, _) = written(folder.path());
+        let metadata = path.join("data").join(METADATA);
+        let text = fs::read_to_string(&metadata).unwrap();
+        let other = text.replace("\"total_episodes\":2", "\"total_episodes\":3");
+        for (text, wanted) in [
+            (
+                other.as_str(),
+                "holds 2 episodes, its metadata.json tells of 3",
+            ),
+            ("{", "not JSON"),
+            ("{}", "'total_episodes': is missing"),
+        ] {
+            fs::write(&metadata, text).unwrap();
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains(wanted), "{error}");
+        }
+        fs::remove_file(metadata).unwrap();
+        assert!(read(&path).is_ok());
+        fs::remove_file(path.join("data").join(MAIN)).unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains("no main_data.hdf5"), "{error}");
+    }
+
+    #[test]
+    fn cut_and_flipped_files_are_errors_or_sound_never_a_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, bytes) = written(folder.path());
+        for length in (0..bytes.len()).step_by(7) {
+            let cut = read_bytes(&path, bytes[..length].to_vec());
+            assert!(cut.is_err(), "cut at {length}");
+        }
+        let (mut errors, mut named) = (0, 0);
+        for at in 0..bytes.len() {
+            for mask in [0x01, 0xff] {
+                let mut flipped = bytes.clone();
+                flipped[at] ^= mask;
+                match read_bytes(&path, flipped) {
+                    Ok(data) => {
+                        made::sound(&data);
+                        assert_eq!(data.len(), 5, "byte {at}");
+                    }
+                    Err(error) => {
+                        errors += 1;
+                        named += usize::from(error.to_string().contains("'episode_"));
+                    }
+                }
+            }
+        }
+        assert!(
+            errors > bytes.len() / 2,
+            "{errors} errors in {} bytes",
+            bytes.len()
+        );
+        assert!(named > 100, "{named} of {errors} errors name a key");
+    }
+
+    #[test]
+    fn an_existing_folder_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, bytes) = written(folder.path());
+        let error = minari::write(&path, &made::varied(&[2])).unwrap_err();
+        assert!(error.to_string().contains("is there already"), "{error}");
+        assert_eq!(fs::read(path.join("data").join(MAIN)).unwrap(), bytes);
+        let names: Vec<_> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
+        assert_eq!(names, ["small-v2"]);
+    }
+}

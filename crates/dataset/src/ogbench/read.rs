@@ -177,3 +177,207 @@ impl Entry<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use zip::write::SimpleFileOptions;
+    use zip::{CompressionMethod, ZipWriter};
+
+    use super::*;
+    use crate::{made, ogbench};
+
+    /// An archive of arrays: name, type, shape, bytes of the values.
+    fn archive(method: CompressionMethod, arrays: &[(&str, &str, &[usize], Vec<u8>)]) -> Vec<u8> {
+        let mut zip = ZipWriter::new(Cursor::new(vec![]));
+        for (name, descr, shape, values) in arrays {
+            let options = SimpleFileOptions::default().compression_method(method);
+            zip.start_file(format!("{name}.npy"), options).unwrap();
+            zip.write_all(&npy::written(descr, shape)).unwrap();
+            zip.write_all(values).unwrap();
+        }
+        zip.finish().unwrap().into_inner()
+    }
+
+    fn f4(count: usize) -> Vec<u8> {
+        (0..count)
+            .flat_map(|at| (at as f32).to_le_bytes())
+            .collect()
+    }
+
+    fn of(arrays: &[(&str, &str, &[usize], Vec<u8>)]) -> Result<Dataset, DatasetError> {
+        let bytes = archive(CompressionMethod::Deflated, arrays);
+        read_bytes(Path::new("x.npz"), &bytes)
+    }
+
+    #[test]
+    fn arrays_deflated_or_stored_are_read_and_the_rest_is_an_episode() {
+        for method in [CompressionMethod::Deflated, CompressionMethod::Stored] {
+            let bytes = archive(
+                method,
+                &[
+                    ("observations", "<f4", &[3, 29], f4(87)),
+                    (
+                        "actions",
+                        "<f8",
+                        &[3, 8],
+                        [0.5_f64; 24].iter().flat_map(|v| v.to_le_bytes()).collect(),
+                    ),
+                    ("terminals", "|b1", &[3], vec![0, 1, 0]),
+                    ("qpos", "|S1", &[1], vec![0]),
+                ],
+            );
+            let data = read_bytes(Path::new("x.npz"), &bytes).unwrap();
+            made::sound(&data);
+            assert_eq!(data.episodes, [0..2, 2..3]);
+            assert_eq!(data.observation(2)[28], 86.0);
+            assert_eq!(data.actions, [0.5; 24]);
+            assert_eq!(data.rewards, [0.0; 3]);
+            assert!(data.goals.is_empty() && data.terminals == [false; 3]);
+        }
+    }
+
+    #[test]
+    fn the_order_of_columns_first_is_turned() {
+        // Value 100 c + r in column c and row r, columns one after the other.
+        let values = (0..29).flat_map(|c| (0..2).map(move |r| (100 * c + r) as f32));
+        let mut header = String::from_utf8_lossy(&npy::written("<f4", &[2, 29])[10..]).into_owned();
+        header = header.replace("False", "True ");
+        let mut bytes = npy::written("<f4", &[2, 29])[..10].to_vec();
+        bytes.extend(header.as_bytes());
+        bytes.extend(values.flat_map(f32::to_le_bytes));
+        let mut zip = ZipWriter::new(Cursor::new(vec![]));
+        for (name, bytes) in [
+            ("observations", bytes),
+            ("actions", [npy::written("<f4", &[2, 8]), f4(16)].concat()),
+            (
+                "terminals",
+                [npy::written("|b1", &[2]), vec![0, 1]].concat(),
+            ),
+        ] {
+            zip.start_file(format!("{name}.npy"), SimpleFileOptions::default())
+                .unwrap();
+            zip.write_all(&bytes).unwrap();
+        }
+        let bytes = zip.finish().unwrap().into_inner();
+        let data = read_bytes(Path::new("x.npz"), &bytes).unwrap();
+        assert_eq!(data.observation(1)[..3], [1.0, 101.0, 201.0]);
+        assert_eq!(data.observation(0)[28], 2800.0);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_key_and_row() {
+        let actions = || ("actions", "<f4", &[2, 8][..], f4(16));
+        let terminals = || ("terminals", "|b1", &[2][..], vec![0, 1]);
+        let observations = |descr: &'static str, shape: &'static [usize], values: Vec<u8>| {
+            of(&[
+                ("observations", descr, shape, values),
+                actions(),
+                terminals(),
+            ])
+            .unwrap_err()
+            .to_string()
+        };
+        let mut nan = f4(58);
+        nan[4 * 30..4 * 31].copy_from_slice(&f32::NAN.to_le_bytes());
+        for (error, wanted) in [
+            (
+                of(&[actions(), terminals()]).unwrap_err().to_string(),
+                "'observations': is missing",
+            ),
+            (observations("<f4", &[2, 29], nan), "not finite in row 1"),
+            (
+                observations("<f4", &[2, 27], f4(54)),
+                "shape [2, 27], expected [n, 29]",
+            ),
+            (
+                observations("<f4", &[58], f4(58)),
+                "shape [58], expected [n, 29]",
+            ),
+            (
+                observations("<f4", &[], f4(1)),
+                "shape [], expected [n, 29]",
+            ),
+            (
+                observations("<f4", &[3, 29], f4(87)),
+                "'actions' has shape [2, 8], expected [3, 8]",
+            ),
+            (
+                observations("<f4", &[2, 29], f4(57)),
+                "'observations': damaged at or after row 0",
+            ),
+            (
+                observations("<f4", &[2, 29], f4(59)),
+                "holds more values than its shape",
+            ),
+            (
+                observations("<f4", &[1 << 40, 29], f4(58)),
+                "rows are more than",
+            ),
+            (observations("<c8", &[2, 29], f4(116)), "is of type <c8"),
+        ] {
+            assert!(
+                error.contains(wanted) && error.starts_with("x.npz: "),
+                "{error}"
+            );
+        }
+        let none = of(&[
+            ("observations", "<f4", &[0, 29], vec![]),
+            ("actions", "<f4", &[0, 8], vec![]),
+            ("terminals", "|b1", &[0], vec![]),
+        ]);
+        assert!(none.unwrap_err().to_string().contains("no episode"));
+        assert!(matches!(
+            read(Path::new("none.npz")),
+            Err(DatasetError::Io { .. })
+        ));
+    }
+
+    #[test]
+    fn cut_and_flipped_files_are_errors_or_sound_never_a_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("small.npz");
+        let wanted = made::varied(&[3, 2]);
+        ogbench::write(&path, &wanted).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        for length in 0..bytes.len() {
+            assert!(
+                read_bytes(&path, &bytes[..length]).is_err(),
+                "cut at {length}"
+            );
+        }
+        let mut errors = 0;
+        for at in 0..bytes.len() {
+            for mask in [0x01, 0x5a, 0xff] {
+                let mut flipped = bytes.clone();
+                flipped[at] ^= mask;
+                match read_bytes(&path, &flipped) {
+                    // The archive's checksums leave no value changed.
+                    Ok(data) => assert_eq!(data.observations, wanted.observations, "byte {at}"),
+                    Err(_) => errors += 1,
+                }
+            }
+        }
+        assert!(
+            errors > bytes.len(),
+            "{errors} errors in {} bytes",
+            bytes.len()
+        );
+    }
+
+    #[test]
+    fn damage_within_a_long_array_names_the_row() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("long.npz");
+        ogbench::write(&path, &made::varied(&[20_000])).unwrap();
+        let mut bytes = fs::read(&path).unwrap();
+        let middle = bytes.len() / 3;
+        bytes[middle..middle + 64].fill(0xff);
+        let error = read_bytes(&path, &bytes).unwrap_err().to_string();
+        assert!(
+            error.contains("damaged at or after row") && !error.contains("row 0:"),
+            "{error}"
+        );
+    }
+}
