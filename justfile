@@ -22,3 +22,8 @@ ceiling maze="large":
 # Dependencies against the rules of deny.toml (needs cargo-deny)
 deny:
     cargo deny check
+
+# A fuzz target (d4rl, minari, ogbench) for ten minutes (needs cargo-fuzz)
+fuzz target:
+    mkdir -p fuzz/found/{{target}}
+    RUSTC_BOOTSTRAP=1 cargo fuzz run {{target}} --sanitizer none fuzz/found/{{target}} fuzz/corpus/{{target}} -- -max_len=16384 -max_total_time=600

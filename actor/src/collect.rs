@@ -204,7 +204,7 @@ fn write(
         .collect();
     let next = || all.next.chunks_exact(OBSERVATION);
     let path = Path::new(&config.dataset);
-    d4rl::write(
+    d4rl::write_rows(
         path,
         &d4rl::Rows {
             observations: &all.observations,

@@ -4,6 +4,7 @@
 
 mod check;
 mod children;
+mod dataset;
 mod doctor;
 mod folder;
 mod interrupts;
@@ -32,6 +33,9 @@ enum Command {
     Check(ConfigArgs),
     /// Make the offline data set of a config
     Collect(ConfigArgs),
+    /// Look at data sets and convert them: D4RL, Minari, OGBench
+    #[command(subcommand)]
+    Dataset(dataset::Action),
     /// Walk the maze with the walker and a perfect planner: the ceiling of any method
     Ceiling {
         #[command(flatten)]
@@ -88,6 +92,7 @@ fn main() -> ExitCode {
             let path = walker.as_deref();
             role::ceiling(&config, episodes, path).map(|()| ExitCode::SUCCESS)
         }),
+        Command::Dataset(action) => dataset::run(&action),
         Command::Doctor => doctor::doctor(),
         Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),
         Command::Learner(args) => role::run(|stop| learner::run(&args, stop)),
@@ -95,6 +100,7 @@ fn main() -> ExitCode {
     };
     result.unwrap_or_else(|error| {
         eprintln!("formica: {error:#}");
-        ExitCode::from(if error.is::<config::Faults>() { 2 } else { 1 })
+        let given = error.is::<config::Faults>() || error.is::<dataset::Refused>();
+        ExitCode::from(if given { 2 } else { 1 })
     })
 }

@@ -124,7 +124,7 @@ fn read_dataset(d: &mut Document<'_>, has_collect: bool) -> String {
         let path: String = t.value("path", String::new(), |_| Ok(()));
         if path.is_empty() {
             t.fault("path", "missing; name an HDF5 file in D4RL's layout");
-        } else if !has_collect && !Path::new(&path).is_file() {
+        } else if !has_collect && !Path::new(&path).exists() {
             t.fault(
                 "path",
                 format!("no file '{path}', and no [collect] table that would make it"),

@@ -249,7 +249,7 @@ pub struct Config {
     pub maze: Maze,
     /// `[topology]`
     pub topology: Topology,
-    /// `dataset.path`: an HDF5 file in D4RL's layout.
+    /// `dataset.path`: a D4RL HDF5 file, a Minari folder or an OGBench npz.
     pub dataset: String,
     /// `[collect]`: makes the data set when its file is not there.
     pub collect: Option<Collect>,

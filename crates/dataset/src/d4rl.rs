@@ -4,8 +4,10 @@
 mod read;
 mod write;
 
-pub use read::read;
-pub use write::{Rows, write};
+pub(crate) use read::from_reader;
+pub use read::{read, read_bytes};
+pub use write::{Rows, write, write_rows};
+pub(crate) use write::{bools, compress, failed};
 
 /// Width of `infos/qpos`.
 pub const QPOS: usize = 15;

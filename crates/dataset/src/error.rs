@@ -14,7 +14,7 @@ pub enum DatasetError {
         /// What the system said.
         source: io::Error,
     },
-    /// Not an HDF5 file, a damaged one, or one without rows.
+    /// Not a file of a format that is known, a damaged one, or one without episodes.
     #[error("{path}: {reason}", path = .path.display())]
     Format {
         /// The file.
@@ -27,18 +27,18 @@ pub enum DatasetError {
     Key {
         /// The file.
         path: PathBuf,
-        /// The key.
-        key: &'static str,
+        /// The key, by its whole path within the file.
+        key: String,
         /// What is wrong with it.
         reason: String,
     },
-    /// A key of another shape than the layout has, or of another length than `observations`.
+    /// A key of another shape than the layout has, or of another length than the first key.
     #[error("{path}: '{key}' has shape {got:?}, expected {expected}", path = .path.display())]
     Shape {
         /// The file.
         path: PathBuf,
-        /// The key.
-        key: &'static str,
+        /// The key, by its whole path within the file.
+        key: String,
         /// The shape found.
         got: Vec<u64>,
         /// The shape wanted.
@@ -49,8 +49,8 @@ pub enum DatasetError {
     NotFinite {
         /// The file.
         path: PathBuf,
-        /// The key.
-        key: &'static str,
+        /// The key, by its whole path within the file.
+        key: String,
         /// The first such row.
         row: usize,
     },

@@ -1,9 +1,16 @@
 //! Offline episodes on disk and in memory: one flat copy of the data.
 //!
-//! Each file format is a module that reads into [`Dataset`]; so far there is [`d4rl`].
+//! Each file format is a module that reads [`Dataset`]s and writes them: [`d4rl`], [`minari`] and
+//! [`ogbench`]. [`open`] tells them apart by content.
 
 pub mod d4rl;
 mod error;
+mod format;
+mod hdf5;
+pub mod minari;
+pub mod ogbench;
+mod parallel;
+mod replace;
 mod starts;
 mod summary;
 
@@ -11,6 +18,7 @@ use std::ops::Range;
 use std::path::Path;
 
 pub use error::DatasetError;
+pub use format::{Format, open};
 pub use starts::Starts;
 pub use summary::Summary;
 
@@ -20,6 +28,10 @@ pub const OBSERVATION: usize = 29;
 pub const ACTION: usize = 8;
 
 /// Episodes, flat. All arrays have a row for each step; rows are counted from 0.
+///
+/// Rows of an episode are states that follow each other, each a step after the one before. An
+/// episode's last row may hold an action without effect (OGBench) or of zeros (Minari): no state
+/// follows it, so nothing is to be learnt from it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Dataset {
     /// `[n, 29]`, before the action.
@@ -37,12 +49,35 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Reads a data set in D4RL's layout.
+    /// Reads a data set of any [`Format`], recognised by its content.
     ///
     /// # Errors
     /// Anything that is wrong with the file, by key and row.
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
-        d4rl::read(path)
+        open(path).map(|(_, data)| data)
+    }
+
+    /// Some of the episodes, by number, as a data set of their own.
+    ///
+    /// # Panics
+    /// When there are not as many episodes.
+    #[must_use]
+    pub fn select(&self, numbers: Range<usize>) -> Self {
+        let episodes = &self.episodes[numbers];
+        let rows = episodes.first().map_or(0, |first| first.start)
+            ..episodes.last().map_or(0, |last| last.end);
+        Self {
+            observations: self.observations[rows.start * OBSERVATION..rows.end * OBSERVATION]
+                .to_vec(),
+            actions: self.actions[rows.start * ACTION..rows.end * ACTION].to_vec(),
+            rewards: self.rewards[rows.clone()].to_vec(),
+            terminals: self.terminals[rows.clone()].to_vec(),
+            goals: self.goals.get(rows.clone()).unwrap_or_default().to_vec(),
+            episodes: episodes
+                .iter()
+                .map(|episode| episode.start - rows.start..episode.end - rows.start)
+                .collect(),
+        }
     }
 
     /// Rows.
@@ -120,6 +155,19 @@ impl Dataset {
     }
 }
 
+/// Episodes from the marks of their last rows; rows after the last mark are an episode too.
+pub(crate) fn episodes(last: &[bool]) -> Vec<Range<usize>> {
+    let mut episodes = vec![];
+    let mut start = 0;
+    for (row, last_row) in last.iter().enumerate() {
+        if *last_row || row + 1 == last.len() {
+            episodes.push(start..row + 1);
+            start = row + 1;
+        }
+    }
+    episodes
+}
+
 /// Data sets made up for tests.
 #[cfg(test)]
 pub(crate) mod made {
@@ -142,6 +190,46 @@ pub(crate) mod made {
         }
         data
     }
+
+    /// Episodes of these lengths whose values all differ, by no more than a step's way.
+    pub(crate) fn varied(lengths: &[usize]) -> Dataset {
+        // Scattered, so that they deflate no better than real ones.
+        let value = |at: usize| {
+            let bits = (at as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            ((bits ^ bits >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f32 / 1e7 - 0.8
+        };
+        let n: usize = lengths.iter().sum();
+        let mut start = 0;
+        Dataset {
+            observations: (0..n * OBSERVATION).map(value).collect(),
+            actions: (0..n * ACTION).map(value).collect(),
+            rewards: (0..n).map(value).collect(),
+            terminals: (0..n).map(|row| row % 3 == 1).collect(),
+            episodes: lengths
+                .iter()
+                .map(|length| {
+                    start += length;
+                    start - length..start
+                })
+                .collect(),
+            goals: (0..n).map(|row| [value(row), value(row + n)]).collect(),
+        }
+    }
+
+    /// Panics unless the arrays are of one length and the episodes are all rows.
+    pub(crate) fn sound(data: &Dataset) {
+        let n = data.len();
+        assert_eq!(data.observations.len(), n * OBSERVATION);
+        assert_eq!(data.actions.len(), n * ACTION);
+        assert_eq!(data.terminals.len(), n);
+        assert!(data.goals.is_empty() || data.goals.len() == n);
+        let mut end = 0;
+        for episode in &data.episodes {
+            assert!(episode.start == end && episode.end > end, "{episode:?}");
+            end = episode.end;
+        }
+        assert!(n > 0 && end == n);
+    }
 }
 
 #[cfg(test)]
@@ -155,6 +243,18 @@ mod tests {
         assert_eq!(of, [0, 0, 0, 1, 2, 2, 2, 2, 3]);
         let left: Vec<usize> = (0..9).map(|row| data.steps_left(row)).collect();
         assert_eq!(left, [2, 1, 0, 0, 3, 2, 1, 0, 0]);
+    }
+
+    #[test]
+    fn selected_episodes_are_rows_of_their_own() {
+        let data = made::varied(&[3, 1, 4]);
+        let last = data.select(1..3);
+        assert_eq!(last.episodes, [0..1, 1..5]);
+        assert_eq!(last.observation(1), data.observation(4));
+        assert_eq!(last.goals, data.goals[3..]);
+        made::sound(&last);
+        assert_eq!(data.select(0..3), data);
+        assert_eq!(data.select(1..1), Dataset::default());
     }
 
     #[test]

@@ -21,8 +21,8 @@ pub struct Summary {
     pub episodes: usize,
     /// Rows of the shortest, the mean and the longest episode.
     pub lengths: (usize, f64, usize),
-    /// Mean of the episodes' sums of rewards.
-    pub mean_return: f64,
+    /// Least, mean and greatest sum of an episode's rewards.
+    pub returns: (f64, f64, f64),
     /// Share of rows whose reward is above zero.
     pub rewarded: f64,
     /// Share of rows at rest: [`Dataset::at_rest`].
@@ -68,7 +68,8 @@ impl Dataset {
     pub fn summary(&self) -> Summary {
         let count = self.episodes.len().max(1) as f64;
         let lengths = || self.episodes.iter().map(ExactSizeIterator::len);
-        let sum: f64 = self.rewards.iter().map(|reward| f64::from(*reward)).sum();
+        let sum = |rewards: &[f32]| rewards.iter().map(|r| f64::from(*r)).sum::<f64>();
+        let returns = || self.episodes.iter().map(|e| sum(&self.rewards[e.clone()]));
         let rest = |start: usize, end: usize| {
             (start..end)
                 .filter(|row| self.rests(*row, start, end))
@@ -92,7 +93,11 @@ impl Dataset {
                 self.len() as f64 / count,
                 lengths().max().unwrap_or(0),
             ),
-            mean_return: sum / count,
+            returns: (
+                returns().reduce(f64::min).unwrap_or(0.0),
+                sum(&self.rewards) / count,
+                returns().reduce(f64::max).unwrap_or(0.0),
+            ),
             rewarded: share(rewarded),
             at_rest: share(resting),
             bounds,
@@ -110,7 +115,8 @@ impl fmt::Display for Summary {
         writeln!(f, "rows          {}", self.rows)?;
         writeln!(f, "episodes      {}", self.episodes)?;
         writeln!(f, "length        {min} to {max} rows, mean {mean:.1}")?;
-        writeln!(f, "mean return   {:.3}", self.mean_return)?;
+        let (worst, middle, best) = self.returns;
+        writeln!(f, "return        {worst:.3} to {best:.3}, mean {middle:.3}")?;
         writeln!(f, "rewarded      {:.2} % of rows", 100.0 * self.rewarded)?;
         writeln!(f, "at rest       {:.2} % of rows", 100.0 * self.at_rest)?;
         writeln!(f, "x             {left:.2} to {right:.2} m")?;
@@ -140,7 +146,7 @@ mod tests {
         let summary = data.summary();
         assert_eq!((summary.rows, summary.episodes), (61, 2));
         assert_eq!(summary.lengths, (1, 30.5, 60));
-        assert_eq!(summary.mean_return, 1.5);
+        assert_eq!(summary.returns, (0.0, 1.5, 3.0));
         assert_eq!(summary.rewarded, 6.0 / 61.0);
         assert_eq!(summary.bounds, [[-8.0, 1.0], [8.0, 3.0]]);
         // Rows 40 to 59 stay, and the lone row has nowhere to go.

@@ -293,24 +293,19 @@ impl AntMaze {
         self.teleport();
     }
 
-    /// Takes an ant that came near an inlet to one of the outlets; all but its place stays.
+    /// Takes an ant that came near an inlet to one of the outlets; all but its place stays, and the
+    /// world forgets the contacts of the other place.
     fn teleport(&mut self) {
-        let Sets {
-            bodies, multibody, ..
-        } = &mut self.sets;
-        let Some(torso) = bodies.get_mut(self.links[0]) else {
-            return;
-        };
-        let place = torso.translation();
-        let near = |[x, y]: &[f32; 2]| (x - place.x).hypot(y - place.y) <= TELEPORT_RADIUS;
-        if !self.inlets.iter().any(near) {
+        if self.inlets.is_empty() {
             return;
         }
-        let [x, y] = self.outlets[self.exits.random_range(0..self.outlets.len())];
-        torso.set_translation(Vector::new(x, y, place.z), true);
-        if let Some((ant, _)) = multibody.get_mut(self.root) {
-            ant.forward_kinematics(bodies, true);
-            ant.update_rigid_bodies(bodies, true);
+        let mut observation = self.observation();
+        let near =
+            |[x, y]: &[f32; 2]| (x - observation[0]).hypot(y - observation[1]) <= TELEPORT_RADIUS;
+        if self.inlets.iter().any(near) {
+            let outlet = self.outlets[self.exits.random_range(0..self.outlets.len())];
+            observation[..2].copy_from_slice(&outlet);
+            self.set(&observation);
         }
     }
 

@@ -1,200 +1,70 @@
 //! Reads files of D4RL and of [`write`](super::write()).
 
-use std::fs::File as SystemFile;
-use std::ops::Range;
+use std::fs;
 use std::path::Path;
 
-use hdf5_pure::{Dataset as Array, Error, File, FormatError};
+use crate::hdf5::{Key, Reader, Width};
+use crate::replace::io_error;
+use crate::{ACTION, Dataset, DatasetError, OBSERVATION, episodes};
 
-use crate::{ACTION, Dataset, DatasetError, OBSERVATION};
-
-/// Jump of the torso between two rows that only a reset can make (m); ends an episode in files
-/// without `timeouts`.
+/// Jump of the torso between two rows that only a reset can make (m).
 const JUMP: f32 = 5.0;
 
-/// No deflated byte stands for more than 1032 bytes (zlib's technical notes), so no sound file
-/// holds more bytes than this for each of its own.
-const INFLATION: u64 = 1032;
-
-/// An open file and what its errors need.
-struct Reader<'p> {
-    path: &'p Path,
-    length: u64,
-    file: File,
-}
-
-/// A key whose shape is that of the layout.
-struct Key {
-    name: &'static str,
-    array: Array,
-    rows: usize,
-    width: usize,
-}
-
-impl Reader<'_> {
-    fn error(&self, key: &'static str, reason: impl std::fmt::Display) -> DatasetError {
-        DatasetError::Key {
-            path: self.path.to_path_buf(),
-            key,
-            reason: reason.to_string(),
-        }
-    }
-
-    /// A key that must be there, of `rows` rows if those are known. No value is read yet.
-    fn key(
-        &self,
-        name: &'static str,
-        rows: Option<usize>,
-        width: usize,
-    ) -> Result<Key, DatasetError> {
-        self.optional(name, rows, width)?.ok_or_else(|| {
-            self.error(
-                name,
-                "is missing; D4RL's layout has it, is this a file of another kind?",
-            )
-        })
-    }
-
-    /// A key that may be missing. One that is there and damaged is an error all the same.
-    fn optional(
-        &self,
-        name: &'static str,
-        rows: Option<usize>,
-        width: usize,
-    ) -> Result<Option<Key>, DatasetError> {
-        let array = match self.file.dataset(name) {
-            Ok(array) => array,
-            Err(Error::Format(FormatError::PathNotFound(_))) => return Ok(None),
-            Err(error) => return Err(self.error(name, error)),
-        };
-        let shape = array.shape().map_err(|error| self.error(name, error))?;
-        // Rewards come as (n,) and as (n, 1).
-        let columns = shape
-            .iter()
-            .skip(1)
-            .try_fold(1_u64, |all, side| all.checked_mul(*side));
-        let found = shape.first().copied().unwrap_or(0);
-        let fits = columns == Some(width as u64) && rows.is_none_or(|rows| rows as u64 == found);
-        if shape.is_empty() || !fits {
-            let rows = rows.map_or("n".to_owned(), |rows| rows.to_string());
-            let expected = if width == 1 {
-                format!("[{rows}]")
-            } else {
-                format!("[{rows}, {width}]")
-            };
-            let path = self.path.to_path_buf();
-            return Err(DatasetError::Shape {
-                path,
-                key: name,
-                got: shape,
-                expected,
-            });
-        }
-        // Believe no length that the file cannot hold: allocation would end the process.
-        let most = self.length.saturating_mul(INFLATION) / width as u64;
-        let rows = usize::try_from(found)
-            .ok()
-            .filter(|_| found <= most)
-            .ok_or_else(|| {
-                self.error(
-                    name,
-                    format!("{found} rows are more than {} bytes can hold", self.length),
-                )
-            })?;
-        Ok(Some(Key {
-            name,
-            array,
-            rows,
-            width,
-        }))
-    }
-
-    /// All values of a key, whatever their number type; h5py's bools are 0 and 1.
-    fn values(&self, key: &Key) -> Result<Vec<f32>, DatasetError> {
-        let count = key.rows * key.width;
-        Vec::<f32>::new()
-            .try_reserve_exact(count)
-            .map_err(|error| self.error(key.name, error))?;
-        let values = key
-            .array
-            .read_f32()
-            .map_err(|error| self.error(key.name, error))?;
-        if values.len() != count {
-            let reason = format!("holds {} values, its shape wants {count}", values.len());
-            return Err(self.error(key.name, reason));
-        }
-        match values.iter().position(|value| !value.is_finite()) {
-            Some(at) => Err(DatasetError::NotFinite {
-                path: self.path.to_path_buf(),
-                key: key.name,
-                row: at / key.width,
-            }),
-            None => Ok(values),
-        }
-    }
-}
-
 /// Reads a file in D4RL's layout: `observations`, `actions`, `rewards`, `terminals`, and where
-/// they are there `timeouts` and `infos/goal`. Numbers and bools of any type are taken. Without
-/// `timeouts` a jump of the torso by more than 5 m ends an episode; `terminals` never do.
+/// they are there `timeouts` and `infos/goal`. Numbers and bools of any type are taken.
+///
+/// An episode ends with its row of `timeouts`, and where the torso jumps by more than 5 m: files of
+/// v0 lack `timeouts` or have them out of step with the resets. `terminals` end none.
 ///
 /// # Errors
 /// Anything that is wrong with the file, by key and row.
 pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
-    let length = SystemFile::open(path)
-        .and_then(|file| file.metadata())
-        .map_err(|source| DatasetError::Io {
-            path: path.to_path_buf(),
-            source,
-        })?
-        .len();
-    let format = |reason: String| DatasetError::Format {
-        path: path.to_path_buf(),
-        reason,
-    };
-    let file = File::open(path)
-        .map_err(|error| format(format!("not an HDF5 file that can be read: {error}")))?;
-    let whole = file.superblock().eof_address;
-    if length < whole {
-        return Err(format(format!(
-            "cut off: {length} of {whole} bytes are there; copy it again"
-        )));
-    }
-    let reader = Reader { path, length, file };
+    read_bytes(path, fs::read(path).map_err(|error| io_error(path, error))?)
+}
+
+/// [`read`] of a file's bytes; `path` is what errors name.
+///
+/// # Errors
+/// Anything that is wrong with them, by key and row.
+pub fn read_bytes(path: &Path, bytes: Vec<u8>) -> Result<Dataset, DatasetError> {
+    from_reader(&Reader::open(path, bytes)?)
+}
+
+/// [`read`] of an open file.
+pub(crate) fn from_reader(reader: &Reader<'_>) -> Result<Dataset, DatasetError> {
+    let root = reader.root();
+    let key = |name, rows, width| reader.key(&root, name, rows, Width::Exactly(width));
+    let optional = |name, rows, width| reader.optional(&root, name, rows, Width::Exactly(width));
     // All shapes before any value: a length that is wrong then disagrees before it is allocated.
-    let observations = reader.key("observations", None, OBSERVATION)?;
-    let n = observations.rows;
-    let actions = reader.key("actions", Some(n), ACTION)?;
-    let rewards = reader.key("rewards", Some(n), 1)?;
-    let terminals = reader.key("terminals", Some(n), 1)?;
-    let timeouts = reader.optional("timeouts", Some(n), 1)?;
-    let goals = reader.optional("infos/goal", Some(n), 2)?;
-    if n == 0 {
-        return Err(format("no episode: its arrays have no row".to_owned()));
+    let observations = key("observations", None, OBSERVATION)?;
+    let n = Some(observations.rows);
+    let actions = key("actions", n, ACTION)?;
+    let rewards = key("rewards", n, 1)?;
+    let terminals = key("terminals", n, 1)?;
+    let timeouts = optional("timeouts", n, 1)?;
+    let goals = optional("infos/goal", n, 2)?;
+    if n == Some(0) {
+        return Err(reader.refuse("no episode: its arrays have no row"));
     }
-    let observations = reader.values(&observations)?;
-    let flags = |key: &Key| -> Result<Vec<bool>, DatasetError> {
-        Ok(reader
-            .values(key)?
-            .iter()
-            .map(|value| *value > 0.0)
-            .collect())
+    let one = |key: Option<Key>| {
+        let values = key.map(|key| reader.values([&key]));
+        values
+            .transpose()
+            .map(|values| values.map(|[values]| values))
     };
-    let last = match &timeouts {
-        Some(key) => flags(key)?,
-        None => jumps(&observations),
-    };
-    let goals = goals
-        .map(|key| reader.values(&key))
-        .transpose()?
-        .unwrap_or_default();
+    let [observations, actions, rewards, terminals] =
+        reader.values([&observations, &actions, &rewards, &terminals])?;
+    let mut last = jumps(&observations);
+    for (last, timeout) in last.iter_mut().zip(one(timeouts)?.unwrap_or_default()) {
+        *last |= timeout > 0.0;
+    }
     Ok(Dataset {
-        actions: reader.values(&actions)?,
-        rewards: reader.values(&rewards)?,
-        terminals: flags(&terminals)?,
-        episodes: episodes(&last),
-        goals: goals.as_chunks::<2>().0.to_vec(),
         observations,
+        actions,
+        rewards,
+        terminals: terminals.iter().map(|value| *value > 0.0).collect(),
+        episodes: episodes(&last),
+        goals: one(goals)?.unwrap_or_default().as_chunks::<2>().0.to_vec(),
     })
 }
 
@@ -207,19 +77,6 @@ fn jumps(observations: &[f32]) -> Vec<bool> {
         .collect();
     last.push(true);
     last
-}
-
-/// Episodes from the marks of their last rows; rows after the last mark are an episode too.
-fn episodes(last: &[bool]) -> Vec<Range<usize>> {
-    let mut episodes = vec![];
-    let mut start = 0;
-    for (row, last_row) in last.iter().enumerate() {
-        if *last_row || row + 1 == last.len() {
-            episodes.push(start..row + 1);
-            start = row + 1;
-        }
-    }
-    episodes
 }
 
 #[cfg(test)]
@@ -239,11 +96,7 @@ mod tests {
         assert!(
             matches!(
                 error,
-                DatasetError::NotFinite {
-                    key: "observations",
-                    row: 3,
-                    ..
-                }
+                DatasetError::NotFinite { ref key, row: 3, .. } if key == "observations"
             ),
             "{error}"
         );
@@ -276,26 +129,23 @@ mod tests {
         };
         let missing = with(29, None);
         assert!(
-            matches!(missing, DatasetError::Key { key: "actions", .. }),
+            matches!(missing, DatasetError::Key { ref key, .. } if key == "actions"),
             "{missing}"
         );
         assert!(missing.to_string().contains("is missing"), "{missing}");
         let missing = with(29, Some(2));
         assert!(
-            matches!(missing, DatasetError::Key { key: "rewards", .. }),
+            matches!(missing, DatasetError::Key { ref key, .. } if key == "rewards"),
             "{missing}"
         );
         assert!(matches!(
             with(27, None),
-            DatasetError::Shape {
-                key: "observations",
-                ..
-            }
+            DatasetError::Shape { ref key, .. } if key == "observations"
         ));
         let unequal = with(29, Some(3));
         assert!(matches!(
             unequal,
-            DatasetError::Shape { key: "actions", .. }
+            DatasetError::Shape { ref key, .. } if key == "actions"
         ));
         assert!(
             unequal.to_string().contains("[3, 8], expected [2, 8]"),
@@ -350,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn timeouts_overrule_jumps_and_the_rest_is_an_episode() {
+    fn timeouts_and_jumps_both_end_episodes_and_the_rest_is_one() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.hdf5");
         let data = of_other_types(&path, |builder| {
@@ -362,7 +212,7 @@ mod tests {
                 .with_i32_data(&[1, 0, 0, 0]);
         })
         .unwrap();
-        assert_eq!(data.episodes, [0..1, 1..4]);
+        assert_eq!(data.episodes, [0..1, 1..2, 2..4]);
         let error = of_other_types(&path, |builder| {
             builder
                 .create_dataset("terminals")
@@ -373,10 +223,7 @@ mod tests {
         assert!(
             matches!(
                 error,
-                DatasetError::Shape {
-                    key: "timeouts",
-                    ..
-                }
+                DatasetError::Shape { ref key, .. } if key == "timeouts"
             ),
             "{error}"
         );

@@ -1,14 +1,11 @@
 //! Writes whole data sets in D4RL's layout.
 
-use std::ffi::OsString;
-use std::fs::{self, File as SystemFile};
-use std::io::{self, BufWriter};
 use std::path::Path;
 
-use hdf5_pure::{DatasetBuilder, EnumTypeBuilder, Error, FileBuilder};
+use hdf5_pure::{DatasetBuilder, Datatype, EnumTypeBuilder, Error, FileBuilder};
 
 use super::{QPOS, QVEL};
-use crate::{ACTION, DatasetError, OBSERVATION};
+use crate::{ACTION, Dataset, DatasetError, OBSERVATION, replace};
 
 /// Rows to write; all arrays flat.
 #[derive(Debug, Clone, Copy)]
@@ -23,7 +20,7 @@ pub struct Rows<'a> {
     pub terminals: &'a [u8],
     /// `[n]`, 1 in each episode's last row.
     pub timeouts: &'a [u8],
-    /// `[n, 2]`.
+    /// `[n, 2]`, or empty where there is none.
     pub goals: &'a [f32],
     /// `[n, 15]`, after the action, as D4RL's script has it.
     pub qpos: &'a [f32],
@@ -44,13 +41,12 @@ impl Rows<'_> {
             ("infos/qpos", self.qpos.len(), QPOS),
             ("infos/qvel", self.qvel.len(), QVEL),
         ];
-        match lengths
-            .into_iter()
-            .find(|(_, length, width)| *length != n * width)
-        {
+        match lengths.into_iter().find(|(key, length, width)| {
+            *length != n * width && (*key != "infos/goal" || *length != 0)
+        }) {
             Some((key, length, width)) => Err(DatasetError::Shape {
                 path: path.to_path_buf(),
-                key,
+                key: key.to_owned(),
                 got: vec![length as u64],
                 expected: format!(
                     "[{n}, {width}] flat, {} values, as 'rewards' has",
@@ -68,32 +64,53 @@ const CHUNK: u64 = 8192;
 /// Deflate level: higher ones take minutes for a million rows and save little.
 const LEVEL: u32 = 1;
 
-/// Writes a file in D4RL's layout beside `path`, syncs and renames: `path` is whole or untouched.
+/// Writes rows in D4RL's layout beside `path`, syncs and renames: `path` is whole or untouched.
+/// `infos/goal` is left out where there is no goal.
 ///
 /// # Errors
 /// Arrays of unequal length, and what the system or the format refuses.
-pub fn write(path: &Path, rows: &Rows<'_>) -> Result<(), DatasetError> {
+pub fn write_rows(path: &Path, rows: &Rows<'_>) -> Result<(), DatasetError> {
     rows.check(path)?;
     let builder = layout(rows).map_err(|error| failed(path, error))?;
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(|source| failed(path, Error::Io(source)))?;
-    }
-    let mut part = OsString::from(path);
-    part.push(".part");
-    let part = Path::new(&part);
-    let written = fill(part, builder).and_then(|()| {
-        fs::rename(part, path)
-            .and_then(|()| sync_folder(path))
-            .map_err(Error::Io)
-    });
-    written.map_err(|error| {
-        // The part is of no use to anyone; that it cannot be removed changes nothing.
-        let _ = fs::remove_file(part);
-        failed(path, error)
+    replace::file(path, |file| {
+        builder.finish_to(file).map_err(|error| failed(path, error))
     })
 }
 
-fn failed(path: &Path, error: Error) -> DatasetError {
+/// Writes a data set in D4RL's layout, as [`write_rows`] does. `infos/qpos` and `infos/qvel` are of
+/// the state after the action, which for an episode's last row is not known: its own stands there.
+///
+/// # Errors
+/// What the system or the format refuses.
+pub fn write(path: &Path, data: &Dataset) -> Result<(), DatasetError> {
+    let mut timeouts = vec![0; data.len()];
+    let (mut qpos, mut qvel) = (vec![], vec![]);
+    for episode in &data.episodes {
+        timeouts[episode.end - 1] = 1;
+        for row in episode.clone() {
+            let after = data.observation((row + 1).min(episode.end - 1));
+            qpos.extend_from_slice(&after[..QPOS]);
+            qvel.extend_from_slice(&after[QPOS..]);
+        }
+    }
+    let terminals: Vec<u8> = data.terminals.iter().map(|flag| u8::from(*flag)).collect();
+    write_rows(
+        path,
+        &Rows {
+            observations: &data.observations,
+            actions: &data.actions,
+            rewards: &data.rewards,
+            terminals: &terminals,
+            timeouts: &timeouts,
+            goals: data.goals.as_flattened(),
+            qpos: &qpos,
+            qvel: &qvel,
+        },
+    )
+}
+
+/// What hdf5-pure refused.
+pub(crate) fn failed(path: &Path, error: Error) -> DatasetError {
     let path = path.to_path_buf();
     match error {
         Error::Io(source) => DatasetError::Io { path, source },
@@ -102,20 +119,6 @@ fn failed(path: &Path, error: Error) -> DatasetError {
             reason: format!("cannot be written: {error}"),
         },
     }
-}
-
-fn fill(part: &Path, builder: FileBuilder) -> Result<(), Error> {
-    let mut file = SystemFile::create(part).map_err(Error::Io)?;
-    builder.finish_to(BufWriter::new(&mut file))?;
-    file.sync_all().map_err(Error::Io)
-}
-
-/// The new name outlasts a crash only once its folder is synced.
-fn sync_folder(path: &Path) -> io::Result<()> {
-    let folder = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty());
-    SystemFile::open(folder.unwrap_or(Path::new(".")))?.sync_all()
 }
 
 fn layout(rows: &Rows<'_>) -> Result<FileBuilder, Error> {
@@ -131,13 +134,8 @@ fn layout(rows: &Rows<'_>) -> Result<FileBuilder, Error> {
     let array = builder.create_dataset("rewards");
     compress(array.with_f32_data(rows.rewards), &[n]);
     for (name, values) in [("terminals", rows.terminals), ("timeouts", rows.timeouts)] {
-        // What h5py takes for a bool.
-        let bools = EnumTypeBuilder::u8_based()
-            .u8_value("FALSE", 0)
-            .u8_value("TRUE", 1)
-            .build()?;
         let array = builder.create_dataset(name);
-        compress(array.with_enum_u8_data(bools, values), &[n]);
+        compress(array.with_enum_u8_data(bools()?, values), &[n]);
     }
     let mut infos = builder.create_group("infos");
     for (name, values, width) in [
@@ -145,6 +143,9 @@ fn layout(rows: &Rows<'_>) -> Result<FileBuilder, Error> {
         ("qpos", rows.qpos, QPOS),
         ("qvel", rows.qvel, QVEL),
     ] {
+        if values.is_empty() && n > 0 {
+            continue;
+        }
         let array = infos.create_dataset(name);
         compress(array.with_f32_data(values), &[n, width as u64]);
     }
@@ -152,8 +153,14 @@ fn layout(rows: &Rows<'_>) -> Result<FileBuilder, Error> {
     Ok(builder)
 }
 
+/// What h5py takes for a bool.
+pub(crate) fn bools() -> Result<Datatype, Error> {
+    let bools = EnumTypeBuilder::u8_based();
+    Ok(bools.u8_value("FALSE", 0).u8_value("TRUE", 1).build()?)
+}
+
 /// Stores an array of this shape in deflated chunks of whole rows.
-fn compress(array: &mut DatasetBuilder, shape: &[u64]) {
+pub(crate) fn compress(array: &mut DatasetBuilder, shape: &[u64]) {
     let mut chunk = shape.to_vec();
     if let Some(rows) = chunk.first_mut() {
         *rows = CHUNK.min((*rows).max(1));
@@ -193,13 +200,15 @@ pub(crate) mod made {
             qpos: &[1.0; ROWS * QPOS],
             qvel: &[2.0; ROWS * QVEL],
         };
-        write(&path, &rows).unwrap();
+        write_rows(&path, &rows).unwrap();
         path
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use hdf5_pure::File;
 
     use super::made::{ROWS, written};
@@ -237,7 +246,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new/chunks.hdf5");
         let n = 2 * CHUNK as usize + 5;
-        let count = |width: usize| (0..n * width).map(|i| i as f32).collect::<Vec<f32>>();
+        let count = |width: usize| {
+            (0..n * width)
+                .map(|i| (i % 2039) as f32 * 1e-3)
+                .collect::<Vec<f32>>()
+        };
         let rows = Rows {
             observations: &count(OBSERVATION),
             actions: &count(ACTION),
@@ -248,7 +261,7 @@ mod tests {
             qpos: &count(QPOS),
             qvel: &count(QVEL),
         };
-        write(&path, &rows).unwrap();
+        write_rows(&path, &rows).unwrap();
         let data = read(&path).unwrap();
         assert_eq!(data.observations, rows.observations);
         assert_eq!(data.actions, rows.actions);
@@ -272,14 +285,11 @@ mod tests {
             qpos: &[0.0; 2 * QPOS],
             qvel: &[0.0; 2 * QVEL + 1],
         };
-        let error = write(&path, &rows).unwrap_err();
+        let error = write_rows(&path, &rows).unwrap_err();
         assert!(
             matches!(
                 error,
-                DatasetError::Shape {
-                    key: "infos/qvel",
-                    ..
-                }
+                DatasetError::Shape { ref key, .. } if key == "infos/qvel"
             ),
             "{error}"
         );
@@ -300,7 +310,7 @@ mod tests {
             qpos: &[],
             qvel: &[],
         };
-        write(&path, &rows).unwrap();
+        write_rows(&path, &rows).unwrap();
         let error = read(&path).unwrap_err();
         assert!(error.to_string().contains("no episode"), "{error}");
     }

@@ -1,0 +1,181 @@
+//! The formats, and which of them a path holds.
+
+use std::fmt;
+use std::fs;
+use std::path::Path;
+
+use crate::hdf5::Reader;
+use crate::replace::io_error;
+use crate::{Dataset, DatasetError, d4rl, minari, ogbench};
+
+/// How a data set lies on disk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// One HDF5 file of flat arrays: [`d4rl`].
+    D4rl,
+    /// An HDF5 file with a group for each episode, in a folder with metadata: [`minari`].
+    Minari,
+    /// Flat arrays in a zip archive: [`ogbench`].
+    Ogbench,
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::D4rl => "D4RL HDF5",
+            Self::Minari => "Minari",
+            Self::Ogbench => "OGBench npz",
+        })
+    }
+}
+
+impl Format {
+    /// Writes a data set; `path` is whole or untouched. For what each format cannot hold see
+    /// [`d4rl::write`], [`minari::write`] and [`ogbench::write`].
+    ///
+    /// # Errors
+    /// What the system or the format refuses.
+    pub fn write(self, path: &Path, data: &Dataset) -> Result<(), DatasetError> {
+        match self {
+            Self::D4rl => d4rl::write(path, data),
+            Self::Minari => minari::write(path, data),
+            Self::Ogbench => ogbench::write(path, data),
+        }
+    }
+}
+
+/// Reads a data set of any format and says which it is. The content tells, not the name: a folder
+/// is Minari's, a zip archive OGBench's, an HDF5 file Minari's if it has groups `episode_0` and so
+/// on, else D4RL's.
+///
+/// # Errors
+/// A path of no known format, and anything that is wrong with it, by key and row.
+pub fn open(path: &Path) -> Result<(Format, Dataset), DatasetError> {
+    if path.is_dir() {
+        return Ok((Format::Minari, minari::read(path)?));
+    }
+    let bytes = fs::read(path).map_err(|error| io_error(path, error))?;
+    // Every zip archive begins with an entry, or with its end when there is none.
+    if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06") {
+        return Ok((Format::Ogbench, ogbench::read_bytes(path, &bytes)?));
+    }
+    if !hdf5_pure::is_hdf5_bytes(&bytes) {
+        return Err(DatasetError::Format {
+            path: path.to_path_buf(),
+            reason: "neither HDF5 (D4RL, Minari) nor npz (OGBench)".to_owned(),
+        });
+    }
+    let reader = Reader::open(path, bytes)?;
+    let folders = reader.folders()?;
+    if folders
+        .iter()
+        .any(|folder| folder.number("episode_").is_some())
+    {
+        return Ok((Format::Minari, minari::from_reader(&reader, None)?));
+    }
+    Ok((Format::D4rl, d4rl::from_reader(&reader)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{ACTION, made};
+
+    const ALL: [(Format, &str); 3] = [
+        (Format::D4rl, "d.hdf5"),
+        (Format::Minari, "m"),
+        (Format::Ogbench, "o.npz"),
+    ];
+
+    #[test]
+    fn content_tells_the_format_whatever_the_name() {
+        let folder = tempfile::tempdir().unwrap();
+        for (format, name) in ALL {
+            let path = folder.path().join(name);
+            format.write(&path, &made::varied(&[2, 3])).unwrap();
+            let file = if format == Format::Minari {
+                path.join("data/main_data.hdf5")
+            } else {
+                path.clone()
+            };
+            let other = folder.path().join("name.txt");
+            fs::copy(file, &other).unwrap();
+            for path in [&path, &other] {
+                assert_eq!(open(path).unwrap().0, format, "{}", path.display());
+            }
+        }
+        let other = folder.path().join("name.txt");
+        for bytes in [&b""[..], b"PK", b"\x89HDF", b"some text"] {
+            fs::write(&other, bytes).unwrap();
+            let error = open(&other).unwrap_err().to_string();
+            assert!(error.contains("name.txt: neither HDF5"), "{error}");
+        }
+        let error = open(&folder.path().join("none")).unwrap_err();
+        assert!(matches!(error, DatasetError::Io { .. }));
+    }
+
+    #[test]
+    fn bad_deflate_names_key_and_rows() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("long.hdf5");
+        d4rl::write(&path, &made::varied(&[20_000])).unwrap();
+        let sound = fs::read(&path).unwrap();
+        let mut rows = 0;
+        for at in (0..sound.len() - 64).step_by(sound.len() / 20) {
+            let mut bytes = sound.clone();
+            bytes[at..at + 64].fill(0xff);
+            if let Err(error) = d4rl::read_bytes(&path, bytes) {
+                rows += usize::from(error.to_string().contains("': rows "));
+            }
+        }
+        assert!(rows > 5, "{rows} of 20 damages named by rows");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        /// What a format holds comes back from it, also by way of the others.
+        #[test]
+        fn formats_keep_what_they_hold(
+            lengths in prop::collection::vec(1_usize..9, 1..12),
+            goals in any::<bool>(),
+            way in Just(ALL.to_vec()).prop_shuffle(),
+        ) {
+            let mut data = made::varied(&lengths);
+            if !goals {
+                data.goals.clear();
+            }
+            let folder = tempfile::tempdir().unwrap();
+            let wanted = data.clone();
+            let (mut minari, mut ogbench) = (false, false);
+            for (format, name) in way {
+                let path = folder.path().join(name);
+                format.write(&path, &data).unwrap();
+                let (found, read) = open(&path).unwrap();
+                prop_assert_eq!(found, format);
+                made::sound(&read);
+                minari |= format == Format::Minari;
+                ogbench |= format == Format::Ogbench;
+                prop_assert_eq!(&read.observations, &wanted.observations);
+                prop_assert_eq!(&read.episodes, &wanted.episodes);
+                for row in 0..read.len() {
+                    // Minari has no action, reward and terminal in an episode's last row.
+                    let kept = !minari || wanted.steps_left(row) > 0;
+                    let action = if kept { wanted.action(row) } else { &[0.0; ACTION] };
+                    prop_assert_eq!(read.action(row), action);
+                    let (reward, terminal) = (wanted.rewards[row], wanted.terminals[row]);
+                    let told = (read.rewards[row], read.terminals[row]);
+                    let kept = kept && !ogbench;
+                    prop_assert_eq!(told, if kept { (reward, terminal) } else { (0.0, false) });
+                }
+                match read.goals.as_slice() {
+                    [] => prop_assert!(!goals || ogbench),
+                    found if goals && !ogbench => prop_assert_eq!(found, &wanted.goals),
+                    found => prop_assert!(minari && found.iter().all(|goal| *goal == [0.0; 2])),
+                }
+                data = read;
+            }
+        }
+    }
+}

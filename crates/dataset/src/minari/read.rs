@@ -1,0 +1,399 @@
+//! Reads Minari's folders and files.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::{MAIN, METADATA, PROPRIOCEPTION};
+use crate::hdf5::{Folder, Key, Reader, Width, zeros};
+use crate::replace::io_error;
+use crate::{ACTION, Dataset, DatasetError, OBSERVATION, parallel};
+
+/// What groups of episodes are named, before their number.
+const EPISODE: &str = "episode_";
+
+/// Reads a folder that holds `main_data.hdf5`, itself or in `data/`, or such a file. The number of
+/// episodes must be that of `metadata.json`, if that is beside it in a folder.
+///
+/// `terminations` become [`Dataset::terminals`]; `truncations` and `infos` are not kept.
+///
+/// # Errors
+/// Anything that is wrong with the files, by key and row.
+pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
+    let format = |reason: String| DatasetError::Format {
+        path: path.to_path_buf(),
+        reason,
+    };
+    if !path.is_dir() {
+        return read_bytes(path, fs::read(path).map_err(|error| io_error(path, error))?);
+    }
+    let folders = [path.to_path_buf(), path.join("data")];
+    let Some(folder) = folders.iter().find(|folder| folder.join(MAIN).is_file()) else {
+        return Err(format(format!(
+            "no {MAIN} in this folder or in its data/; Minari's arrow format is not read"
+        )));
+    };
+    let (main, metadata) = (folder.join(MAIN), folder.join(METADATA));
+    let told = match fs::read(&metadata) {
+        Ok(bytes) => Some(told_episodes(&metadata, &bytes)?),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
+        Err(error) => return Err(io_error(&metadata, error)),
+    };
+    let bytes = fs::read(&main).map_err(|error| io_error(&main, error))?;
+    from_reader(&Reader::open(&main, bytes)?, told)
+}
+
+/// [`read`] of a main file's bytes; `path` is what errors name.
+///
+/// # Errors
+/// Anything that is wrong with them, by key and row.
+pub fn read_bytes(path: &Path, bytes: Vec<u8>) -> Result<Dataset, DatasetError> {
+    from_reader(&Reader::open(path, bytes)?, None)
+}
+
+/// Episodes that the metadata tell of.
+fn told_episodes(path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
+    let metadata: Value = serde_json::from_slice(bytes).map_err(|error| DatasetError::Format {
+        path: path.to_path_buf(),
+        reason: format!("not JSON: {error}"),
+    })?;
+    let count = metadata.get("total_episodes").and_then(Value::as_u64);
+    count
+        .and_then(|count| usize::try_from(count).ok())
+        .ok_or_else(|| DatasetError::Key {
+            path: path.to_path_buf(),
+            key: "total_episodes".to_owned(),
+            reason: "is missing or no whole number".to_owned(),
+        })
+}
+
+/// An episode's room in the flat arrays; all but `observations` and `goals` without the last row.
+struct Room<'a> {
+    folder: Folder,
+    actions: Key,
+    into: Flat<'a>,
+}
+
+/// Slices of flat arrays.
+struct Flat<'a> {
+    observations: &'a mut [f32],
+    actions: &'a mut [f32],
+    rewards: &'a mut [f32],
+    terminals: &'a mut [bool],
+    goals: &'a mut [[f32; 2]],
+}
+
+impl<'a> Flat<'a> {
+    /// Cuts the first rows off.
+    fn take(&mut self, rows: usize) -> Self {
+        fn cut<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+            slice.split_off_mut(..count).unwrap_or_default()
+        }
+        Flat::<'a> {
+            observations: cut(&mut self.observations, rows * OBSERVATION),
+            actions: cut(&mut self.actions, rows * ACTION),
+            rewards: cut(&mut self.rewards, rows),
+            terminals: cut(&mut self.terminals, rows),
+            goals: cut(&mut self.goals, rows),
+        }
+    }
+}
+
+/// [`read`] of an open file; `told` is the number of episodes that its metadata tell of.
+pub(crate) fn from_reader(
+    reader: &Reader<'_>,
+    told: Option<usize>,
+) -> Result<Dataset, DatasetError> {
+    let numbered = |folder: Folder| Some((folder.number(EPISODE)?, folder));
+    let mut folders: HashMap<usize, Folder> =
+        reader.folders()?.into_iter().filter_map(numbered).collect();
+    let count = folders.len();
+    if let Some(told) = told.filter(|told| *told != count) {
+        return Err(reader.refuse(format!(
+            "holds {count} episodes, its {METADATA} tells of {told}"
+        )));
+    }
+    if count == 0 {
+        return Err(reader.refuse("no episode: there is no group 'episode_0'"));
+    }
+    // The lengths of all episodes before any value, as each array's allocation needs them.
+    let mut found = Vec::with_capacity(count);
+    let (mut episodes, mut rows) = (vec![], 0_usize);
+    for number in 0..count {
+        let Some(folder) = folders.remove(&number) else {
+            let reason = format!("is missing; episodes are numbered 0 to {}", count - 1);
+            return Err(reader.error(&format!("{EPISODE}{number}"), reason));
+        };
+        let actions = reader.key(&folder, "actions", None, Width::Exactly(ACTION))?;
+        let end = rows.saturating_add(actions.rows).saturating_add(1);
+        episodes.push(rows..end);
+        rows = end;
+        found.push((folder, actions));
+    }
+    // Groups can share an array, so that each is sound and all together are not.
+    if rows as u64 > reader.most() / OBSERVATION as u64 {
+        return Err(reader.refuse(format!("{rows} rows are more than the file can hold")));
+    }
+    let zeros = |count| zeros(count).map_err(|error| reader.refuse(error));
+    let mut data = Dataset {
+        observations: zeros(rows * OBSERVATION)?,
+        actions: zeros(rows * ACTION)?,
+        rewards: zeros(rows)?,
+        terminals: vec![false; rows],
+        goals: vec![[0.0; 2]; rows],
+        episodes,
+    };
+    let mut flat = Flat {
+        observations: &mut data.observations,
+        actions: &mut data.actions,
+        rewards: &mut data.rewards,
+        terminals: &mut data.terminals,
+        goals: &mut data.goals,
+    };
+    let rooms = found.into_iter().map(|(folder, actions)| {
+        let into = flat.take(actions.rows + 1);
+        Room {
+            folder,
+            actions,
+            into,
+        }
+    });
+    parallel::each(rooms.collect(), |room| episode(reader, room))?;
+    Ok(data)
+}
+
+/// Reads one episode.
+fn episode(reader: &Reader<'_>, room: Room<'_>) -> Result<(), DatasetError> {
+    let Room {
+        folder,
+        actions,
+        into,
+    } = room;
+    let steps = actions.rows;
+    let key = |name: &str, rows: usize, width| reader.key(&folder, name, Some(rows), width);
+    let rewards = key("rewards", steps, Width::Exactly(1))?;
+    let terminations = key("terminations", steps, Width::Exactly(1))?;
+    key("truncations", steps, Width::Exactly(1))?;
+    let after = steps + 1;
+    let rest = key(
+        "observations/observation",
+        after,
+        Width::AtLeast(PROPRIOCEPTION),
+    )?;
+    let places = key("observations/achieved_goal", after, Width::Exactly(2))?;
+    let goals = key("observations/desired_goal", after, Width::Exactly(2))?;
+
+    reader.rows(&actions, 0, &mut into.actions[..steps * ACTION])?;
+    reader.rows(&rewards, 0, &mut into.rewards[..steps])?;
+    reader.rows(&goals, 0, into.goals.as_flattened_mut())?;
+    let read = |key: &Key| -> Result<Vec<f32>, DatasetError> {
+        let mut values = zeros(key.rows * key.width).map_err(|error| reader.refuse(error))?;
+        reader.rows(key, 0, &mut values)?;
+        Ok(values)
+    };
+    for (flag, value) in into.terminals.iter_mut().zip(read(&terminations)?) {
+        *flag = value > 0.0;
+    }
+    let (places, rest, width) = (read(&places)?, read(&rest)?, rest.width);
+    for (row, into) in into.observations.chunks_exact_mut(OBSERVATION).enumerate() {
+        into[..2].copy_from_slice(&places[2 * row..2 * row + 2]);
+        into[2..].copy_from_slice(&rest[width * row..width * row + PROPRIOCEPTION]);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use hdf5_pure::FileBuilder;
+
+    use super::*;
+    use crate::{made, minari};
+
+    /// The folder of two episodes, of three rows and of two, and its main file's bytes.
+    fn written(within: &Path) -> (PathBuf, Vec<u8>) {
+        let path = within.join("small-v2");
+        minari::write(&path, &made::varied(&[3, 2])).unwrap();
+        let bytes = fs::read(path.join("data").join(MAIN)).unwrap();
+        (path, bytes)
+    }
+
+    #[test]
+    fn an_episode_has_a_row_more_than_actions_and_its_last_action_is_zero() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, _) = written(folder.path());
+        let (data, wanted) = (read(&path).unwrap(), made::varied(&[3, 2]));
+        assert_eq!(data.episodes, [0..3, 3..5]);
+        assert_eq!(data.observations, wanted.observations);
+        assert_eq!(data.goals, wanted.goals);
+        for row in [0, 1, 3] {
+            assert_eq!(data.action(row), wanted.action(row));
+            assert_eq!(data.rewards[row], wanted.rewards[row]);
+            assert_eq!(data.terminals[row], wanted.terminals[row]);
+        }
+        for row in [2, 4] {
+            assert_eq!(data.action(row), [0.0; ACTION]);
+            assert_eq!((data.rewards[row], data.terminals[row]), (0.0, false));
+        }
+        assert_eq!(read(&path.join("data")).unwrap(), data);
+        assert_eq!(read(&path.join("data").join(MAIN)).unwrap(), data);
+    }
+
+    /// A file of one episode of two steps; `width` is that of `observation`, `skip` a key that is
+    /// left out, `nan` one whose second row holds a value that is not finite.
+    fn made_up(width: usize, skip: &str, nan: &str) -> Result<Dataset, DatasetError> {
+        let mut builder = FileBuilder::new();
+        let mut group = builder.create_group("episode_0");
+        let mut observations = group.create_group("observations");
+        for (name, rows, width) in [
+            ("actions", 2, ACTION),
+            ("rewards", 2, 1),
+            ("terminations", 2, 1),
+            ("truncations", 2, 1),
+            ("observation", 3, width),
+            ("achieved_goal", 3, 2),
+            ("desired_goal", 3, 2),
+        ] {
+            if name == skip {
+                continue;
+            }
+            let mut values: Vec<f64> = (0..rows * width).map(|at| at as f64).collect();
+            if name == nan {
+                values[width] = f64::INFINITY;
+            }
+            let group = if rows == 3 {
+                &mut observations
+            } else {
+                &mut group
+            };
+            let array = group.create_dataset(name).with_f64_data(&values);
+            if width > 1 {
+                array.with_shape(&[rows as u64, width as u64]);
+            }
+        }
+        group.add_group(observations.finish());
+        builder.add_group(group.finish());
+        read_bytes(Path::new("made.hdf5"), builder.finish().unwrap())
+    }
+
+    #[test]
+    fn a_row_is_the_place_and_the_first_27_values() {
+        for width in [27, 105] {
+            let data = made_up(width, "", "").unwrap();
+            assert_eq!(data.observation(1)[..3], [2.0, 3.0, width as f32]);
+            assert_eq!(data.observation(2)[28], 2.0 * width as f32 + 26.0);
+        }
+        let error = made_up(26, "", "").unwrap_err().to_string();
+        let wanted = "'episode_0/observations/observation' has shape [3, 26], expected [3, 27 or";
+        assert!(error.contains(wanted), "{error}");
+    }
+
+    #[test]
+    fn missing_keys_and_values_that_are_not_finite_are_named() {
+        for name in ["actions", "rewards", "terminations", "truncations"] {
+            let error = made_up(27, name, "").unwrap_err().to_string();
+            let wanted = format!("made.hdf5: 'episode_0/{name}': is missing");
+            assert!(error.contains(&wanted), "{error}");
+        }
+        for name in ["observation", "achieved_goal", "desired_goal"] {
+            let error = made_up(27, name, "").unwrap_err().to_string();
+            let wanted = format!("'episode_0/observations/{name}': is missing");
+            assert!(error.contains(&wanted), "{error}");
+            let error = made_up(27, "", name).unwrap_err().to_string();
+            let wanted =
+                format!("'episode_0/observations/{name}' holds a value that is not finite");
+            assert!(
+                error.contains(&wanted) && error.ends_with("in row 1"),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn no_episode_a_gap_and_another_count_than_the_metadata_are_named() {
+        let refused = |builder: FileBuilder| {
+            read_bytes(Path::new("made.hdf5"), builder.finish().unwrap())
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(refused(FileBuilder::new()).contains("no episode"));
+        let mut gap = FileBuilder::new();
+        let group = gap.create_group("episode_1").finish();
+        gap.add_group(group);
+        let error = refused(gap);
+        assert!(error.contains("'episode_0': is missing"), "{error}");
+
+        let folder = tempfile::tempdir().unwrap();
+        let (path, _) = written(folder.path());
+        let metadata = path.join("data").join(METADATA);
+        let text = fs::read_to_string(&metadata).unwrap();
+        let other = text.replace("\"total_episodes\":2", "\"total_episodes\":3");
+        for (text, wanted) in [
+            (
+                other.as_str(),
+                "holds 2 episodes, its metadata.json tells of 3",
+            ),
+            ("{", "not JSON"),
+            ("{}", "'total_episodes': is missing"),
+        ] {
+            fs::write(&metadata, text).unwrap();
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains(wanted), "{error}");
+        }
+        fs::remove_file(metadata).unwrap();
+        assert!(read(&path).is_ok());
+        fs::remove_file(path.join("data").join(MAIN)).unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains("no main_data.hdf5"), "{error}");
+    }
+
+    #[test]
+    fn cut_and_flipped_files_are_errors_or_sound_never_a_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, bytes) = written(folder.path());
+        for length in (0..bytes.len()).step_by(7) {
+            let cut = read_bytes(&path, bytes[..length].to_vec());
+            assert!(cut.is_err(), "cut at {length}");
+        }
+        let (mut errors, mut named) = (0, 0);
+        for at in 0..bytes.len() {
+            for mask in [0x01, 0xff] {
+                let mut flipped = bytes.clone();
+                flipped[at] ^= mask;
+                match read_bytes(&path, flipped) {
+                    Ok(data) => {
+                        made::sound(&data);
+                        assert_eq!(data.len(), 5, "byte {at}");
+                    }
+                    Err(error) => {
+                        errors += 1;
+                        named += usize::from(error.to_string().contains("'episode_"));
+                    }
+                }
+            }
+        }
+        assert!(
+            errors > bytes.len() / 2,
+            "{errors} errors in {} bytes",
+            bytes.len()
+        );
+        assert!(named > 100, "{named} of {errors} errors name a key");
+    }
+
+    #[test]
+    fn an_existing_folder_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, bytes) = written(folder.path());
+        let error = minari::write(&path, &made::varied(&[2])).unwrap_err();
+        assert!(error.to_string().contains("is there already"), "{error}");
+        assert_eq!(fs::read(path.join("data").join(MAIN)).unwrap(), bytes);
+        let names: Vec<_> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
+        assert_eq!(names, ["small-v2"]);
+    }
+}

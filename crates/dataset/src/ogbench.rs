@@ -1,0 +1,11 @@
+//! OGBench's npz layout (seohongpark/ogbench, `data_gen_scripts/generate_locomaze.py`,
+//! `ogbench/utils.py`): numpy arrays in a zip archive, flat, `terminals` marking each trajectory's
+//! end, whose row has an action without effect. No rewards and no goals. Training and validation
+//! data are two files of the same layout, `X.npz` and `X-val.npz`.
+
+mod npy;
+mod read;
+mod write;
+
+pub use read::{read, read_bytes};
+pub use write::{validation_path, write};

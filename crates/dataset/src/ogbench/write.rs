@@ -1,0 +1,118 @@
+//! Writes npz files that OGBench's package opens.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+use super::npy;
+use crate::d4rl::{QPOS, QVEL};
+use crate::replace::{self, io_error};
+use crate::{ACTION, Dataset, DatasetError, OBSERVATION};
+
+/// Deflate level: higher ones take long and save little.
+const LEVEL: i64 = 1;
+
+/// Values that are encoded at a time.
+const BLOCK: usize = 1 << 14;
+
+/// Writes a file in OGBench's layout beside `path`, syncs and renames: `path` is whole or
+/// untouched. Rewards, terminals and goals have no place in it.
+///
+/// # Errors
+/// What the system or the format refuses.
+pub fn write(path: &Path, data: &Dataset) -> Result<(), DatasetError> {
+    let n = data.len();
+    let ends = data.episodes.iter().map(|episode| episode.end - 1);
+    let mut terminals = vec![0; n];
+    ends.for_each(|row| terminals[row] = 1);
+    let states = || data.observations.chunks_exact(OBSERVATION);
+    let all = |from: usize, to: usize| states().flat_map(move |state| &state[from..to]).copied();
+    replace::file(path, |file| {
+        let mut archive = Archive {
+            path,
+            zip: ZipWriter::new(file),
+        };
+        archive.floats("observations", &[n, OBSERVATION], all(0, OBSERVATION))?;
+        archive.floats("actions", &[n, ACTION], data.actions.iter().copied())?;
+        archive.start("terminals", "|b1", &[n], 1)?;
+        archive.bytes(&terminals)?;
+        archive.floats("qpos", &[n, QPOS], all(0, QPOS))?;
+        archive.floats("qvel", &[n, QVEL], all(QPOS, OBSERVATION))?;
+        archive.zip.finish().map_err(|error| refused(path, error))?;
+        Ok(())
+    })
+}
+
+/// Where OGBench looks for the validation data of a training file: `X-val.npz` for `X.npz`.
+#[must_use]
+pub fn validation_path(path: &Path) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push("-val.npz");
+    path.with_file_name(name)
+}
+
+fn refused(path: &Path, error: zip::result::ZipError) -> DatasetError {
+    match error {
+        zip::result::ZipError::Io(source) => io_error(path, source),
+        error => DatasetError::Format {
+            path: path.to_path_buf(),
+            reason: format!("cannot be written: {error}"),
+        },
+    }
+}
+
+/// An archive that is being written.
+struct Archive<'a> {
+    path: &'a Path,
+    zip: ZipWriter<&'a mut BufWriter<File>>,
+}
+
+impl Archive<'_> {
+    /// Begins an array.
+    fn start(
+        &mut self,
+        name: &str,
+        descr: &str,
+        shape: &[usize],
+        size: usize,
+    ) -> Result<(), DatasetError> {
+        let bytes = shape.iter().product::<usize>() * size;
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Deflated)
+            .compression_level(Some(LEVEL))
+            // Deflate can add to what does not shrink.
+            .large_file(bytes > u32::MAX as usize / 2);
+        self.zip
+            .start_file(format!("{name}.npy"), options)
+            .map_err(|error| refused(self.path, error))?;
+        self.bytes(&npy::written(descr, shape))
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) -> Result<(), DatasetError> {
+        self.zip
+            .write_all(bytes)
+            .map_err(|error| io_error(self.path, error))
+    }
+
+    /// A whole array of f32 values.
+    fn floats(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        mut values: impl Iterator<Item = f32>,
+    ) -> Result<(), DatasetError> {
+        self.start(name, "<f4", shape, size_of::<f32>())?;
+        let mut block = Vec::with_capacity(BLOCK * size_of::<f32>());
+        loop {
+            block.clear();
+            block.extend(values.by_ref().take(BLOCK).flat_map(f32::to_le_bytes));
+            if block.is_empty() {
+                return Ok(());
+            }
+            self.bytes(&block)?;
+        }
+    }
+}
