@@ -225,3 +225,29 @@ fn write(
         path: config.dataset.clone(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Episodes are the same bits whoever simulates them, in a maze with teleports as well.
+    #[test]
+    fn the_same_seed_makes_the_same_file_whatever_the_number_of_threads() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, seed: u64, threads: usize| {
+            let path = folder.path().join(name);
+            let text = format!(
+                "[run]\nseed = {seed}\n[maze]\nlayout = \"teleport\"\n[dataset]\npath = \"{}\"\n\
+                 [collect]\ntransitions = 900\nepisode_steps = 150\nthreads = {threads}\n",
+                path.display()
+            );
+            let config = Config::parse(&text, "x.toml", "x", &[]).unwrap();
+            let told = collect(&config, &|| false, |_, _| {}).unwrap().unwrap();
+            assert_eq!(told.episodes, 6);
+            std::fs::read(path).unwrap()
+        };
+        let one = file("one.hdf5", 3, 1);
+        assert!(one == file("three.hdf5", 3, 3), "threads changed the data");
+        assert!(one != file("other.hdf5", 4, 1), "the seed changed nothing");
+    }
+}

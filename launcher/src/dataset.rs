@@ -17,7 +17,7 @@ pub(crate) enum Action {
     Info {
         /// A D4RL HDF5 file, a Minari folder or main_data.hdf5, or an OGBench npz
         file: PathBuf,
-        /// The maze to draw the walls of: umaze, medium or large
+        /// The maze to draw the walls of: umaze, medium, large, giant or teleport
         #[arg(long)]
         maze: Option<String>,
     },
