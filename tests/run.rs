@@ -36,7 +36,8 @@ minibatch = 1024
 [evaluation]
 episodes = 8
 max_steps = 300
-rollout_seconds = 2.0
+[rollouts]
+seconds = 2.0
 "#;
 
 fn start(folder: &Path, sets: &[&str]) -> Child {

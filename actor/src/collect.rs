@@ -203,7 +203,7 @@ fn write(
         .map(|terminal| f32::from(*terminal))
         .collect();
     let next = || all.next.chunks_exact(OBSERVATION);
-    let path = Path::new(&config.dataset);
+    let path = Path::new(&config.dataset.path);
     d4rl::write_rows(
         path,
         &d4rl::Rows {
@@ -222,7 +222,7 @@ fn write(
         transitions: n,
         episodes: count,
         fallen: fallen as f64 / n.max(1) as f64,
-        path: config.dataset.clone(),
+        path: config.dataset.path.clone(),
     })
 }
 

@@ -6,6 +6,7 @@
 
 pub mod ceiling;
 pub mod collect;
+mod inbox;
 mod navigate;
 mod walk;
 mod walker;

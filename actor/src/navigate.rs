@@ -5,10 +5,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use agents::navigator::{Choosing, Decision, Navigator, Settings};
-use agents::{high, low, vae};
+use agents::navigator::{Choosing, Decision, Navigator};
 use config::Config;
-use graph::Graph;
 use maze::{
     AntMaze, FALLEN, Layout, Observation, Physics, Style, Task, WALL_HEIGHT, evaluation_task,
     random_task, upright,
@@ -17,102 +15,14 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use trace::{EpisodeWriter, Scene, StepMessage, StepRecord};
 use wire::{
-    Bus, Directive, DirectiveSubscriber, EpisodeResult, GraphSubscriber, Module, Phase, Reporter,
-    Role, State, Status, TrajectoryHeader, TrajectorySender, Transition, Weights,
-    WeightsSubscriber, flags,
+    Bus, Directive, DirectiveSubscriber, EpisodeResult, Metric, Phase, Reporter, Role, State,
+    Status, TrajectoryHeader, TrajectorySender, Transition, flags,
 };
+
+use crate::inbox::{Inbox, Versions};
 
 /// Rows of a trajectory, its final row included.
 pub(crate) const TRAJECTORY_STEPS: usize = 129;
-
-/// The newest of everything that an actor acts with.
-struct Inbox {
-    encoder: WeightsSubscriber,
-    low: WeightsSubscriber,
-    high: WeightsSubscriber,
-    graph: GraphSubscriber,
-    newest_encoder: Option<Weights>,
-    newest_low: Option<Weights>,
-    newest_high: Option<Weights>,
-    newest_graph: Option<Graph>,
-}
-
-impl Inbox {
-    fn new(bus: &Bus) -> anyhow::Result<Self> {
-        Ok(Self {
-            encoder: WeightsSubscriber::new(bus, Module::Encoder)?,
-            low: WeightsSubscriber::new(bus, Module::Low)?,
-            high: WeightsSubscriber::new(bus, Module::High)?,
-            graph: GraphSubscriber::new(bus)?,
-            newest_encoder: None,
-            newest_low: None,
-            newest_high: None,
-            newest_graph: None,
-        })
-    }
-
-    /// Looks for news; whether there was any.
-    fn look(&mut self) -> bool {
-        let mut news = false;
-        for (subscriber, newest) in [
-            (&self.encoder, &mut self.newest_encoder),
-            (&self.low, &mut self.newest_low),
-            (&self.high, &mut self.newest_high),
-        ] {
-            if let Some(weights) = subscriber.latest() {
-                *newest = Some(weights);
-                news = true;
-            }
-        }
-        if let Some((_, bytes)) = self.graph.latest() {
-            match Graph::from_bytes(&bytes) {
-                Ok(graph) => {
-                    self.newest_graph = Some(graph);
-                    news = true;
-                }
-                Err(error) => eprintln!("actor: a graph was refused: {error}"),
-            }
-        }
-        news
-    }
-
-    /// Versions of low, high and graph.
-    fn versions(&self) -> [u64; 3] {
-        let version = |weights: &Option<Weights>| weights.as_ref().map_or(0, |w| w.version);
-        let graph = self.newest_graph.as_ref().map_or(0, |graph| graph.version);
-        [version(&self.newest_low), version(&self.newest_high), graph]
-    }
-
-    /// A navigator of the newest parts, once all are there and fit.
-    fn navigator(&self, config: &Config) -> Option<Navigator> {
-        let (encoder, low_weights, high_weights, graph) = (
-            self.newest_encoder.as_ref()?,
-            self.newest_low.as_ref()?,
-            self.newest_high.as_ref()?,
-            self.newest_graph.as_ref()?,
-        );
-        let e = &config.execution;
-        let settings = Settings {
-            reached_radius: e.reached_radius as f32,
-            goal_radius: e.goal_radius as f32,
-            look_ahead: e.look_ahead,
-            timeout_factor: e.timeout_factor as f32,
-            max_edge_steps: e.max_edge_steps,
-        };
-        let latent = config.encoder.latent;
-        let shape = vae::Shape::new(latent, &config.encoder.hidden);
-        let encoder = vae::Encoder::new(shape, &encoder.values)?;
-        let low_policy = low::Policy::new(latent, &config.low.hidden);
-        let high_policy = high::Policy::new(latent, graph.len(), &config.high.hidden);
-        Navigator::new(
-            settings,
-            encoder,
-            graph.clone(),
-            (low_policy, low_weights.values.clone()),
-            (high_policy, high_weights.values.clone()),
-        )
-    }
-}
 
 struct Actor<'a> {
     config: &'a Config,
@@ -122,6 +32,8 @@ struct Actor<'a> {
     ant: AntMaze,
     inbox: Inbox,
     navigator: Option<Navigator>,
+    /// Versions that the navigator is of.
+    versions: Versions,
     sender: TrajectorySender,
     directives: DirectiveSubscriber,
     reporter: Reporter,
@@ -129,6 +41,8 @@ struct Actor<'a> {
     pulse: Instant,
     record: Vec<Transition>,
     episode: u64,
+    /// The round that the episode is of, 0 for none.
+    round: u32,
     /// Whether a trace of a failure and of a success has been kept.
     kept: [bool; 2],
     stopped: &'a dyn Fn() -> bool,
@@ -143,6 +57,41 @@ struct Ended {
     edges: [u32; 2],
     /// Broken off, since the phase changed or the process shall stop.
     broken: bool,
+}
+
+impl Ended {
+    fn result(&self, actor: u32, episode: u32, round: u32) -> EpisodeResult {
+        EpisodeResult {
+            actor,
+            episode,
+            round,
+            success: u32::from(self.success),
+            fell: u32::from(self.fell),
+            steps: self.steps as u32,
+            nearest: self.nearest,
+            edges: self.edges,
+        }
+    }
+}
+
+/// What an episode is played for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    /// To learn from, with choices by their probabilities.
+    Train,
+    /// To see how well it goes, while training.
+    Test,
+    /// For the score.
+    Evaluate,
+}
+
+impl Purpose {
+    fn phase(self) -> Phase {
+        match self {
+            Self::Train | Self::Test => Phase::Train,
+            Self::Evaluate => Phase::Evaluate,
+        }
+    }
 }
 
 pub(crate) fn run(
@@ -166,8 +115,9 @@ pub(crate) fn run(
         folder,
         id,
         ant: AntMaze::new(layout, Physics::MAZE),
-        inbox: Inbox::new(bus)?,
+        inbox: Inbox::new(config, bus)?,
         navigator: None,
+        versions: [0; 3],
         sender: TrajectorySender::connect(bus, id, Duration::from_secs(120))?,
         directives: DirectiveSubscriber::new(bus)?,
         reporter,
@@ -175,6 +125,7 @@ pub(crate) fn run(
         pulse: Instant::now(),
         record: Vec::with_capacity(TRAJECTORY_STEPS),
         episode: 0,
+        round: 0,
         kept: [false; 2],
         stopped,
     };
@@ -203,34 +154,105 @@ impl Actor<'_> {
             }
             self.pulse();
             let directive = self.directives.latest();
-            if self.inbox.look() || self.navigator.is_none() {
-                self.navigator = self.inbox.navigator(self.config);
-                self.status.versions = self.inbox.versions();
+            // What does not fit together yet is left for what does.
+            if self.inbox.look()
+                && let Some((navigator, versions)) = self.inbox.navigator(self.config)
+            {
+                self.navigator = Some(navigator);
+                self.versions = versions;
+                self.status.versions = versions;
             }
-            match directive.phase() {
+            // Only rounds and the evaluation have episodes by number.
+            let numbered = match directive.phase() {
                 Phase::Finish => return Ok(()),
+                Phase::Evaluate => self.is_current(&directive),
+                Phase::Train if self.config.run.deterministic => {
+                    directive.round > 0 && self.is_current(&directive)
+                }
                 Phase::Train if self.navigator.is_some() => {
                     self.status.state = State::Working as u32;
-                    let task = random_task(self.layout, Style::Diverse, &mut rng);
-                    self.play(&task, Phase::Train, &mut rng, None)?;
+                    self.roll_out(&mut rng)?;
+                    continue;
                 }
-                Phase::Evaluate if self.is_current(&directive) => {
+                Phase::Train | Phase::Settle => false,
+            };
+            unreported = unreported.filter(|result| {
+                result.round == directive.round && !directive.is_done(result.episode)
+            });
+            if let Some(result) = &unreported {
+                // Sent again until the launcher's directive shows it.
+                self.reporter.result(result);
+                self.sender.wait(Duration::from_millis(50));
+                continue;
+            }
+            match self.next_episode(&directive).filter(|_| numbered) {
+                Some(episode) => {
                     self.status.state = State::Working as u32;
-                    unreported = unreported.filter(|result| !directive.is_done(result.episode));
-                    if let Some(result) = &unreported {
-                        // Sent again until the launcher's directive shows it.
-                        self.reporter.result(result);
-                        self.sender.wait(Duration::from_millis(50));
-                        continue;
-                    }
-                    match self.next_episode(&directive) {
-                        Some(episode) => unreported = self.evaluate(episode)?,
-                        None => self.rest(),
-                    }
+                    unreported = if directive.phase() == Phase::Evaluate {
+                        self.evaluate(episode)?
+                    } else {
+                        self.play_of_round(&directive, episode)?
+                    };
                 }
-                _ => self.rest(),
+                None => self.rest(),
             }
         }
+    }
+
+    /// A training episode, or a test now and then: by the evaluation's protocol, with the weights
+    /// of the hour.
+    fn roll_out(&mut self, rng: &mut Pcg64Mcg) -> anyhow::Result<()> {
+        self.episode += 1;
+        let every = self.config.rollouts.test_every as u64;
+        if every > 0 && self.episode.is_multiple_of(every) {
+            let task = evaluation_task(self.layout, rng);
+            let ended = self.play(&task, Purpose::Test, rng, None)?;
+            self.report_test(&ended);
+            return Ok(());
+        }
+        let task = random_task(self.layout, Style::Diverse, rng);
+        self.play(&task, Purpose::Train, rng, None)?;
+        Ok(())
+    }
+
+    fn report_test(&self, ended: &Ended) {
+        if !ended.broken {
+            let score = 100.0 * f64::from(u8::from(ended.success));
+            let step = self.status.steps;
+            let metric = Metric::new(Role::Actor, self.id, "rollout/score", step, score);
+            self.reporter.metric(&metric);
+        }
+    }
+
+    /// An episode of a round: the same whoever plays it.
+    fn play_of_round(
+        &mut self,
+        directive: &Directive,
+        episode: u32,
+    ) -> anyhow::Result<Option<EpisodeResult>> {
+        let round = directive.round;
+        let seed = (self.config.run.seed << 32) + (u64::from(round) << 12) + u64::from(episode);
+        let mut rng = Pcg64Mcg::seed_from_u64(seed ^ 0x5eed << 48);
+        (self.round, self.episode) = (round, u64::from(episode));
+        let every = self.config.rollouts.test_every as u32;
+        let test = every > 0 && (episode + 1).is_multiple_of(every);
+        let (task, purpose) = if test {
+            (evaluation_task(self.layout, &mut rng), Purpose::Test)
+        } else {
+            let task = random_task(self.layout, Style::Diverse, &mut rng);
+            (task, Purpose::Train)
+        };
+        let ended = self.play(&task, purpose, &mut rng, None)?;
+        self.round = 0;
+        if test {
+            self.report_test(&ended);
+        }
+        if ended.broken {
+            return Ok(None);
+        }
+        let result = ended.result(self.id, episode, round);
+        self.reporter.result(&result);
+        Ok(Some(result))
     }
 
     fn rest(&mut self) {
@@ -248,7 +270,7 @@ impl Actor<'_> {
 
     /// Whether the weights are those that the evaluation asks for.
     fn is_current(&self, directive: &Directive) -> bool {
-        let [low, high, graph] = self.inbox.versions();
+        let [low, high, graph] = self.versions;
         self.navigator.is_some()
             && low >= directive.low_version
             && high >= directive.high_version
@@ -286,14 +308,15 @@ impl Actor<'_> {
                 }
             };
         }
-        let ended = self.play(&task, Phase::Evaluate, &mut rng, writer.as_mut())?;
+        self.episode = u64::from(episode);
+        let ended = self.play(&task, Purpose::Evaluate, &mut rng, writer.as_mut())?;
         if let Some(writer) = writer {
             let kept = &mut self.kept[usize::from(ended.success)];
             if ended.broken || (*kept && !keep_all) {
                 writer.discard();
             } else {
                 let outcome = if ended.success { "success" } else { "failure" };
-                let [low, high, graph] = self.inbox.versions();
+                let [low, high, graph] = self.versions;
                 let metadata = BTreeMap::from(
                     [
                         ("episode", episode.to_string()),
@@ -320,15 +343,7 @@ impl Actor<'_> {
         if ended.broken {
             return Ok(None);
         }
-        let result = EpisodeResult {
-            actor: self.id,
-            episode,
-            success: u32::from(ended.success),
-            fell: u32::from(ended.fell),
-            steps: ended.steps as u32,
-            nearest: ended.nearest,
-            edges: ended.edges,
-        };
+        let result = ended.result(self.id, episode, 0);
         self.reporter.result(&result);
         Ok(Some(result))
     }
@@ -357,19 +372,19 @@ impl Actor<'_> {
     fn play(
         &mut self,
         task: &Task,
-        phase: Phase,
+        purpose: Purpose,
         rng: &mut Pcg64Mcg,
         mut trace: Option<&mut EpisodeWriter>,
     ) -> anyhow::Result<Ended> {
-        let choosing = if phase == Phase::Train {
+        let choosing = if purpose == Purpose::Train {
             Choosing::Sampled
         } else {
             Choosing::Greedy
         };
         let radius = self.config.evaluation.success_radius as f32;
         let limit = self.config.evaluation.max_steps;
+        let patience = self.config.execution.max_edge_steps;
         self.ant.reset(task.start, rng);
-        self.episode += 1;
         if let Some(navigator) = &mut self.navigator {
             navigator.begin(task.goal);
         }
@@ -395,6 +410,19 @@ impl Actor<'_> {
                     trace = None;
                 }
             }
+            let mut bits = match decision.outcome {
+                Some(outcome) if outcome.reached => flags::REACHED,
+                Some(_) => flags::FAILED,
+                None => 0,
+            };
+            // An edge is settled within the trajectory that it was chosen in, where it can be.
+            let room = TRAJECTORY_STEPS - self.record.len();
+            if decision.chosen.is_some() && !self.record.is_empty() && room < 2 + patience {
+                ended.broken = !self.send(&observation, (decision.node, bits), step, purpose)?;
+                if ended.broken {
+                    break;
+                }
+            }
             let before = observation;
             self.ant.step(&decision.action);
             observation = self.ant.observation();
@@ -404,13 +432,7 @@ impl Actor<'_> {
             ended.nearest = ended.nearest.min(distance);
             ended.success = distance <= radius;
             ended.fell = upright(&observation) < FALLEN;
-            let mut bits = 0;
             if let Some(outcome) = decision.outcome {
-                bits |= if outcome.reached {
-                    flags::REACHED
-                } else {
-                    flags::FAILED
-                };
                 ended.edges[0] += 1;
                 ended.edges[1] += u32::from(outcome.reached);
             }
@@ -420,8 +442,13 @@ impl Actor<'_> {
                 0
             };
             bits |= if ended.fell { flags::FELL } else { 0 };
+            bits |= if purpose == Purpose::Train {
+                0
+            } else {
+                flags::TEST
+            };
             // In training a fallen ant has nothing more to teach.
-            let given_up = ended.fell && phase == Phase::Train;
+            let given_up = ended.fell && purpose == Purpose::Train;
             let last = ended.success || given_up || step + 1 == limit;
             if ended.success {
                 bits |= flags::SUCCESS | flags::TERMINAL;
@@ -440,7 +467,7 @@ impl Actor<'_> {
                 flags: bits,
             });
             if last || self.record.len() + 1 >= TRAJECTORY_STEPS {
-                ended.broken = !self.send(&observation, step, phase)?;
+                ended.broken = !self.send(&observation, (u32::MAX, 0), step + 1, purpose)?;
             }
             if last || ended.broken {
                 break;
@@ -460,7 +487,7 @@ impl Actor<'_> {
     ) -> StepRecord {
         let place = [observation[0], observation[1]];
         let distance = |to: [f32; 2]| (to[0] - place[0]).hypot(to[1] - place[1]);
-        let [low_version, high_version, graph_version] = self.inbox.versions();
+        let [low_version, high_version, graph_version] = self.versions;
         let chosen = choosing == Choosing::Greedy && decision.chosen.is_some();
         let neighbours = self.navigator.as_ref().filter(|_| chosen);
         let neighbours = neighbours.map_or(&[][..], |navigator| navigator.probabilities());
@@ -486,11 +513,20 @@ impl Actor<'_> {
         }
     }
 
-    /// Sends the record so far with its final row; false when the episode is to be broken off.
-    fn send(&mut self, after: &Observation, step: usize, phase: Phase) -> anyhow::Result<bool> {
+    /// Sends the record so far, which ends before `step` of the episode, with its final row: the
+    /// observation, node and outcome there. False when the episode is to be broken off.
+    fn send(
+        &mut self,
+        after: &Observation,
+        (node, outcome): (u32, u32),
+        step: usize,
+        purpose: Purpose,
+    ) -> anyhow::Result<bool> {
+        let first_step = (step - self.record.len()) as u32;
         self.record.push(Transition {
             observation: *after,
-            flags: flags::FINAL,
+            node: i32::try_from(node).unwrap_or(-1),
+            flags: flags::FINAL | outcome,
             ..Transition::default()
         });
         while !self.sender.wait_credit(Duration::from_millis(200)) {
@@ -500,10 +536,11 @@ impl Actor<'_> {
                 return Ok(false);
             }
         }
-        let [low, high, graph] = self.inbox.versions();
+        let [low, high, graph] = self.versions;
         let header = TrajectoryHeader {
             episode: self.episode,
-            first_step: (step + 2 - self.record.len()) as u32,
+            first_step,
+            round: self.round,
             weights_version: low.max(high),
             graph_version: graph,
             ..TrajectoryHeader::default()
@@ -512,6 +549,6 @@ impl Actor<'_> {
         self.sender
             .send_with(header, record.len(), |row| record[row])?;
         self.record.clear();
-        Ok(!(self.stopped)() && self.directives.latest().phase() == phase)
+        Ok(!(self.stopped)() && self.directives.latest().phase() == purpose.phase())
     }
 }

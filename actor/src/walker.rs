@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use agents::navigator::Controller;
 use agents::walker::Policy;
 use anyhow::Context;
 use maze::{ACTION, Action, Egocentric};
@@ -56,6 +57,11 @@ impl Walker {
             weights,
             workspace,
         })
+    }
+
+    /// The walker as a low level.
+    pub(crate) fn controller(&self) -> Controller {
+        Controller::Walker(self.policy.clone(), self.weights.clone())
     }
 
     /// The mean action in an observation (29 values) towards a world direction.

@@ -2,20 +2,25 @@
 //! edges.
 
 mod build;
+mod tries;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use agents::vae::Encoder;
 use config::Config;
 use dataset::Dataset;
-use graph::Graph;
+use graph::{Graph, Pool};
 use maze::Layout;
 use wire::{
     Bus, DirectiveSubscriber, GraphPublisher, Metric, Module, Phase, Reader, Reporter, Role,
-    RunDomain, State, Status, TrajectoryReceiver, Transition, WeightsSubscriber, flags,
+    Rounds, RunDomain, State, Status, TrajectoryHeader, TrajectoryReceiver, Transition,
+    WeightsSubscriber,
 };
+
+use tries::{Tally, Tries};
 
 /// What the graph-builder is told.
 #[derive(Debug, Clone, clap::Args)]
@@ -45,64 +50,47 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     status.set_text("loading the data set");
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder)?;
-    let data = Dataset::open(Path::new(&config.dataset))?;
+    let data = Dataset::open(Path::new(&config.dataset.path))?;
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
+    let data = data.without(|place| config.dataset.leaves_out(layout.cell_at(place)));
     Builder {
-        encoder: WeightsSubscriber::new(&bus, Module::Encoder)?,
+        weights: WeightsSubscriber::new(&bus, Module::Encoder)?,
         publisher: GraphPublisher::new(&bus)?,
         directives: DirectiveSubscriber::new(&bus)?,
         receiver,
         reporter,
         status,
-        graph: None,
+        built: None,
+        tries: Tries::default(),
+        rounds: Rounds::default(),
         published: Instant::now(),
         config: &config,
         folder: &args.folder,
         layout: &layout,
-        tried: 0,
-        reached: 0,
-        told: 0,
     }
     .work(&data, stop)
+}
+
+/// What the encoder's weights made.
+struct Built {
+    encoder: Encoder,
+    pool: Pool,
 }
 
 struct Builder<'a> {
     config: &'a Config,
     folder: &'a Path,
     layout: &'a Layout,
-    encoder: WeightsSubscriber,
+    weights: WeightsSubscriber,
     publisher: GraphPublisher,
     directives: DirectiveSubscriber,
     receiver: TrajectoryReceiver,
     reporter: Reporter,
     status: Status,
-    graph: Option<Graph>,
+    built: Option<Built>,
+    tries: Tries,
+    rounds: Rounds,
     published: Instant,
-    tried: u64,
-    reached: u64,
-    /// Tries that the published version knows of.
-    told: u64,
-}
-
-/// Books the edges that a trajectory settled; returns how many were tried and reached.
-fn book(graph: &mut Graph, record: &[Transition]) -> (u64, u64) {
-    let (mut tried, mut reached) = (0, 0);
-    let mut open: Option<(u32, u32)> = None;
-    for step in record {
-        if step.has(flags::REACHED | flags::FAILED)
-            && let Some((from, to)) = open.take()
-            && graph.record(from, to, step.has(flags::REACHED))
-        {
-            tried += 1;
-            reached += u64::from(step.has(flags::REACHED));
-        }
-        if step.has(flags::CHOICE)
-            && let (Ok(from), Ok(to)) = (u32::try_from(step.node), u32::try_from(step.subgoal))
-        {
-            open = Some((from, to));
-        }
-    }
-    (tried, reached)
 }
 
 impl Builder<'_> {
@@ -112,25 +100,29 @@ impl Builder<'_> {
         let refresh = Duration::from_secs_f64(self.config.graph.refresh_seconds);
         let mut pulse = Instant::now();
         while !stop.load(Ordering::Relaxed) {
-            let phase = self.directives.latest().phase();
-            self.receive();
-            if let Some(weights) = self.encoder.latest()
-                && self.graph.is_none()
+            let directive = self.directives.latest();
+            let phase = directive.phase();
+            self.receive(phase);
+            if let Some(weights) = self.weights.latest()
+                && self.built.is_none()
             {
-                self.status.state = State::Working as u32;
-                self.status.set_text("building the graph");
-                self.reporter.status(&self.status);
-                let graph = build::graph(self.config, data, &weights.values)?;
-                self.measure(&graph);
-                self.publish(graph)?;
+                self.build(data, &weights.values)?;
             }
-            let due = self.tried > self.told && self.published.elapsed() >= refresh;
-            if due
-                && phase == Phase::Train
-                && let Some(mut graph) = self.graph.take()
+            let due = self.tries.recent.tried > 0 && self.published.elapsed() >= refresh;
+            if due && phase == Phase::Train && !self.config.run.deterministic {
+                self.publish()?;
+            }
+            if directive.round == self.rounds.taken() + 1
+                && let Some(trajectories) = self.rounds.take(directive.episodes)
             {
-                graph.version += 1;
-                self.publish(graph)?;
+                for trajectory in &trajectories {
+                    self.book(&trajectory.header, &trajectory.steps);
+                }
+                self.publish()?;
+                self.status.round = self.rounds.taken();
+            }
+            if phase == Phase::Settle && self.built.is_some() {
+                self.status.state = State::Settled as u32;
             }
             self.publisher.keep_alive();
             if pulse.elapsed() > Duration::from_millis(500) {
@@ -142,43 +134,84 @@ impl Builder<'_> {
             }
             self.receiver.wait(Duration::from_millis(50));
         }
-        if let Some(graph) = &self.graph {
-            graph.save(&self.folder.join("graph.bin"))?;
-        }
         self.pulse();
         self.status.state = State::Finished as u32;
         self.reporter.status(&self.status);
         Ok(())
     }
 
-    fn receive(&mut self) {
-        let (mut tried, mut reached) = (0, 0);
-        let graph = &mut self.graph;
-        self.receiver.receive(64, |_, record| {
-            if let Some(graph) = graph {
-                let booked = book(graph, record);
-                tried += booked.0;
-                reached += booked.1;
-            }
-        });
-        self.receiver.acknowledge();
-        self.tried += tried;
-        self.reached += reached;
+    fn build(&mut self, data: &Dataset, weights: &[f32]) -> anyhow::Result<()> {
+        let start = Instant::now();
+        self.status.state = State::Working as u32;
+        self.status.set_text("building the graph");
+        self.reporter.status(&self.status);
+        let mut encoder = build::encoder(self.config, weights)?;
+        let pool = build::pool(self.config, data, &mut encoder)?;
+        self.built = Some(Built { encoder, pool });
+        self.publish()?;
+        self.metric("time/graph_s", start.elapsed().as_secs_f64());
+        Ok(())
     }
 
-    fn publish(&mut self, graph: Graph) -> anyhow::Result<()> {
+    fn receive(&mut self, phase: Phase) {
+        // Evaluation is not learned from.
+        let train = phase == Phase::Train;
+        let deterministic = self.config.run.deterministic;
+        let (built, tries, rounds) = (&mut self.built, &mut self.tries, &mut self.rounds);
+        let online = self.config.graph.online;
+        self.receiver.receive(64, |header, record| match built {
+            Some(built) if train && !deterministic => {
+                tries.book(&mut built.pool, header, record);
+                if online {
+                    tries.explore(&mut built.pool, &mut built.encoder, header, record);
+                }
+            }
+            _ if train && deterministic => rounds.add(header, record),
+            _ => {}
+        });
+        self.receiver.acknowledge();
+    }
+
+    fn book(&mut self, header: &TrajectoryHeader, record: &[Transition]) {
+        if let Some(built) = &mut self.built {
+            self.tries.book(&mut built.pool, header, record);
+            if self.config.graph.online {
+                self.tries
+                    .explore(&mut built.pool, &mut built.encoder, header, record);
+            }
+        }
+    }
+
+    /// Publishes the next version of the graph, and what it is worth.
+    fn publish(&mut self) -> anyhow::Result<()> {
+        let Some(built) = &mut self.built else {
+            return Ok(());
+        };
+        let (graph, share, added) = built.pool.renew();
         self.publisher.publish(graph.version, &graph.to_bytes())?;
         graph.save(&self.folder.join("graph.bin"))?;
         self.published = Instant::now();
-        self.told = self.tried;
         self.status.versions[2] = graph.version;
         self.status.state = State::Trained as u32;
-        self.metric("graph/edges_tried", self.tried as f64);
-        self.metric(
-            "graph/edge_success",
-            self.reached as f64 / self.tried.max(1) as f64,
-        );
-        self.graph = Some(graph);
+        let tally = self.tries.recent;
+        if tally.tried > 0 {
+            let reached = tally.reached.max(1) as f64;
+            self.metric("graph/edges_tried", self.tries.total.tried as f64);
+            self.metric(
+                "graph/edge_success",
+                tally.reached as f64 / tally.tried as f64,
+            );
+            self.metric("low/steps_over_best", tally.over_best / reached);
+        }
+        let same = |newest: &Graph| {
+            newest.edges.len() == graph.edges.len() && newest.structure() == graph.structure()
+        };
+        if !self.tries.newest().is_some_and(same) {
+            self.metric("graph/connected_share", f64::from(share));
+            self.metric("graph/nodes_added", added as f64);
+            self.measure(&graph);
+        }
+        self.tries.publish(graph);
         Ok(())
     }
 
@@ -204,18 +237,18 @@ impl Builder<'_> {
             f64::from(graph.coverage(&centres, maze::CELL_SIZE / 2.0)),
         );
         self.metric("graph/edges_through_walls", wall as f64);
-        self.metric("graph/mean_edge_steps", f64::from(graph.mean_edge_steps()));
+        self.metric("graph/mean_edge_steps", f64::from(graph.mean_edge_steps));
     }
 
     fn pulse(&mut self) {
         let s = &mut self.status;
-        if let Some(graph) = &self.graph {
-            let share = 100.0 * self.reached as f64 / self.tried.max(1) as f64;
+        if let Some(graph) = self.tries.newest() {
+            let Tally { tried, reached, .. } = self.tries.total;
+            let share = 100.0 * reached as f64 / tried.max(1) as f64;
             s.set_text(&format!(
-                "{} nodes, {} edges, {share:.0}% of {} tries reached",
+                "{} nodes, {} edges, {share:.0}% of {tried} tries reached",
                 graph.len(),
                 graph.edges.len(),
-                self.tried
             ));
         }
         self.receiver.report(s);

@@ -12,8 +12,16 @@ pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Con
     let available = wire::shared_memory_available()?;
     let config = Config::load_with(path, sets, |config| {
         let mut faults = vec![];
-        if let Err(error) = actor::layout(config) {
-            faults.push(("maze.rows", error.root_cause().to_string()));
+        match actor::layout(config) {
+            Err(error) => faults.push(("maze.rows", error.root_cause().to_string())),
+            Ok(layout) => {
+                let cells = layout.free_cells();
+                let stray = |cell: &&[usize; 2]| !cells.contains(&(cell[0], cell[1]));
+                if let Some(cell) = config.dataset.leave_out.iter().find(stray) {
+                    let message = format!("{cell:?} is no free cell of the maze");
+                    faults.push(("dataset.leave_out", message));
+                }
+            }
         }
         let needed = limits(config).shared_memory_bytes();
         if needed > available {
@@ -33,7 +41,12 @@ pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Con
 /// Sizes of the run's channels.
 pub(crate) fn limits(config: &Config) -> Limits {
     let offline = config.run.kind == Kind::Offline;
-    let (dz, nodes) = (config.encoder.latent, config.graph.nodes);
+    let dz = config.encoder.latent;
+    let nodes = if config.graph.online {
+        config.graph.max_nodes
+    } else {
+        config.graph.nodes
+    };
     let weights = if offline {
         [
             vae::Shape::new(dz, &config.encoder.hidden).weights(),

@@ -8,12 +8,14 @@ use config::{Config, Kind};
 use rustix::process::Signal;
 use wire::{
     Bus, Directive, DirectivePublisher, EpisodeResult, Phase, ReportReader, Role, RunDomain, State,
+    Status,
 };
 
 use crate::children::{Children, Ended};
 use crate::interrupts::Interrupts;
 use crate::progress::{MetricsFile, Progress, Statuses};
-use crate::{check, folder, role};
+use crate::stages::Times;
+use crate::{check, folder, role, stages};
 
 /// How often children, reports and dead nodes are looked after.
 const TICK: Duration = Duration::from_millis(50);
@@ -33,7 +35,9 @@ struct Run<'c> {
     statuses: Statuses,
     metrics: MetricsFile,
     progress: Progress,
+    /// Of the evaluation.
     results: Vec<Option<EpisodeResult>>,
+    times: Times,
     interrupts: Interrupts,
     /// Why the run ends before its time.
     failure: Option<String>,
@@ -50,9 +54,14 @@ pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
             );
         }
     }
+    let start = Instant::now();
     if let Some(code) = collect(config, &interrupts)? {
         return Ok(code);
     }
+    let times = Times {
+        collect: start.elapsed(),
+        ..Times::default()
+    };
     let folder = folder::create(config)?;
     println!("run {} with config {}", folder.display(), config.hash());
     let domain = RunDomain::create()?;
@@ -70,6 +79,7 @@ pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
         metrics: MetricsFile::create(&folder.join("metrics.csv"))?,
         progress: Progress::new(),
         results: vec![None; config.evaluation.episodes],
+        times,
         interrupts,
         failure: None,
     };
@@ -82,11 +92,11 @@ pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
 
 /// Makes the data set where it is missing. Some exit code when a signal stopped that.
 fn collect(config: &Config, interrupts: &Interrupts) -> anyhow::Result<Option<ExitCode>> {
-    let missing = !std::path::Path::new(&config.dataset).is_file();
+    let missing = !std::path::Path::new(&config.dataset.path).exists();
     if config.run.kind == Kind::Walker || config.collect.is_none() || !missing {
         return Ok(None);
     }
-    println!("collect: making {}", config.dataset);
+    println!("collect: making {}", config.dataset.path);
     role::collect(config, interrupts)
 }
 
@@ -102,7 +112,8 @@ impl Run<'_> {
             self.children.start(Role::Actor, id as u32)?;
         }
         let mut swept = Instant::now();
-        let mut trained: Option<Instant> = None;
+        let mut began = Instant::now();
+        let mut trained = false;
         loop {
             self.read_reports()?;
             if swept.elapsed() > SWEEP {
@@ -116,60 +127,128 @@ impl Run<'_> {
             }
             let phase = match self.directive.phase() {
                 Phase::Train => "train",
+                Phase::Settle => "settle",
                 Phase::Evaluate => "evaluate",
                 Phase::Finish => "finish",
             };
             let extra = self.score_so_far();
             self.progress.show(phase, &self.statuses, &extra);
-            if self.directive.phase() == Phase::Train && self.is_trained() {
-                trained.get_or_insert_with(Instant::now);
-            }
-            let rollouts = match self.config.run.kind {
-                Kind::Walker => 0.0,
-                Kind::Offline => self.config.evaluation.rollout_seconds,
-            };
             match self.directive.phase() {
-                Phase::Train if trained.is_some_and(|t| t.elapsed().as_secs_f64() >= rollouts) => {
-                    match self.config.run.kind {
-                        Kind::Walker => break,
-                        Kind::Offline => self.evaluate()?,
+                Phase::Train if !trained => {
+                    if self.has(State::Trained) {
+                        trained = true;
+                        self.times.train = lap(&mut began);
                     }
                 }
-                Phase::Evaluate if self.results.iter().all(Option::is_some) => break,
-                _ => {}
+                Phase::Train if self.config.run.kind == Kind::Walker => break,
+                Phase::Train if self.config.run.deterministic => self.next_round()?,
+                Phase::Train => {
+                    if began.elapsed().as_secs_f64() >= self.config.rollouts.seconds {
+                        self.turn(Phase::Settle)?;
+                    }
+                }
+                Phase::Settle => {
+                    if self.settle()? {
+                        self.times.rollouts = lap(&mut began);
+                        self.evaluate()?;
+                    }
+                }
+                Phase::Evaluate if self.results.iter().all(Option::is_some) => {
+                    self.times.evaluate = lap(&mut began);
+                    break;
+                }
+                Phase::Evaluate | Phase::Finish => {}
             }
             std::thread::sleep(TICK);
         }
         self.finish()
     }
 
-    /// Whether learner and graph-builder have done their part.
-    fn is_trained(&self) -> bool {
+    fn turn(&mut self, phase: Phase) -> anyhow::Result<()> {
+        self.directive.phase = phase as u32;
+        self.directives.publish(&self.directive)?;
+        Ok(())
+    }
+
+    fn status(&self, role: Role) -> Option<&Status> {
+        self.statuses.get(&(role, 0)).map(|(status, _)| status)
+    }
+
+    /// Whether learner and graph-builder have come as far.
+    fn has(&self, state: State) -> bool {
         let done = |role: Role| {
-            self.statuses
-                .get(&(role, 0))
-                .is_some_and(|(status, _)| status.state == State::Trained as u32)
+            self.status(role)
+                .is_some_and(|status| status.state >= state as u32)
         };
         done(Role::Learner) && (self.config.run.kind == Kind::Walker || done(Role::GraphBuilder))
     }
 
-    fn evaluate(&mut self) -> anyhow::Result<()> {
-        let versions = self
-            .statuses
-            .get(&(Role::Learner, 0))
-            .map(|(status, _)| status.versions);
-        let [low, high, graph] = versions.unwrap_or_default();
-        self.directive.phase = Phase::Evaluate as u32;
-        self.directive.episodes = self.config.evaluation.episodes as u32;
-        self.directive.low_version = low;
-        self.directive.high_version = high;
-        self.directive.graph_version = graph;
+    /// Begins the next round once the one before is learned from; after the last one, settles.
+    fn next_round(&mut self) -> anyhow::Result<()> {
+        let learned = |role: Role| {
+            self.status(role)
+                .is_some_and(|s| s.round >= self.directive.round)
+        };
+        if !learned(Role::Learner) || !learned(Role::GraphBuilder) {
+            return Ok(());
+        }
+        let rollouts = &self.config.rollouts;
+        if self.directive.round as usize >= rollouts.rounds {
+            // Of the graph that settles, nothing is known yet.
+            self.directive.graph_version = 0;
+            return self.turn(Phase::Settle);
+        }
+        self.ask_for(rollouts.episodes);
+        self.directive.round += 1;
         self.progress.say(&format!(
-            "evaluate: {} episodes with weights {low}, {high} and graph {graph}",
-            self.directive.episodes
+            "round {} of {}: {} episodes",
+            self.directive.round, rollouts.rounds, rollouts.episodes
         ));
-        self.directives.publish(&self.directive)?;
-        Ok(())
+        self.turn(Phase::Train)
+    }
+
+    /// The graph settles first, then the weights on it; whether both have.
+    fn settle(&mut self) -> anyhow::Result<bool> {
+        if self.directive.graph_version == 0 {
+            let settled = State::Settled as u32;
+            let builder = self.status(Role::GraphBuilder);
+            if let Some(status) = builder.filter(|status| status.state == settled) {
+                self.directive.graph_version = status.versions[2];
+                self.turn(Phase::Settle)?;
+            }
+        }
+        Ok(self.has(State::Settled))
+    }
+
+    /// Asks for episodes with the newest weights and graph.
+    fn ask_for(&mut self, episodes: usize) {
+        let [low, high, graph] = self.status(Role::Learner).map_or([0; 3], |s| s.versions);
+        self.directive = Directive {
+            phase: self.directive.phase,
+            round: self.directive.round,
+            episodes: episodes as u32,
+            low_version: low,
+            high_version: high,
+            graph_version: graph,
+            ..Directive::default()
+        };
+    }
+
+    fn evaluate(&mut self) -> anyhow::Result<()> {
+        self.ask_for(self.config.evaluation.episodes);
+        self.directive.round = 0;
+        let Directive {
+            episodes,
+            low_version,
+            high_version,
+            graph_version,
+            ..
+        } = self.directive;
+        self.progress.say(&format!(
+            "evaluate: {episodes} episodes with weights {low_version}, {high_version} and graph \
+             {graph_version}"
+        ));
+        self.turn(Phase::Evaluate)
     }
 
     fn read_reports(&mut self) -> anyhow::Result<()> {
@@ -190,10 +269,16 @@ impl Run<'_> {
             },
             |metric| metrics.add(metric),
             |result| {
-                if let Some(slot @ None) = results.get_mut(result.episode as usize) {
+                // Words of an earlier round may come late.
+                if result.round != directive.round || directive.is_done(result.episode) {
+                    return;
+                }
+                directive.mark_done(result.episode);
+                news = true;
+                if directive.phase() == Phase::Evaluate
+                    && let Some(slot) = results.get_mut(result.episode as usize)
+                {
                     *slot = Some(*result);
-                    directive.mark_done(result.episode);
-                    news = true;
                 }
             },
         );
@@ -321,6 +406,11 @@ impl Run<'_> {
         );
         if self.config.run.kind == Kind::Offline {
             let score = self.score(folder)?;
+            let newest = self.metrics.newest();
+            let json = serde_json::to_string_pretty(&stages::json(newest, &self.times))?;
+            let table = stages::table(self.config, newest, &self.times);
+            folder::write_whole(&folder.join("stages.json"), json.as_bytes())?;
+            self.progress.say(&table);
             self.progress.say(&score);
         }
         self.progress
@@ -366,4 +456,11 @@ impl Run<'_> {
             results.len()
         ))
     }
+}
+
+/// Time since a moment, which moves on to now.
+fn lap(began: &mut Instant) -> Duration {
+    let passed = began.elapsed();
+    *began = Instant::now();
+    passed
 }

@@ -11,6 +11,7 @@ mod interrupts;
 mod launch;
 mod progress;
 mod role;
+mod stages;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

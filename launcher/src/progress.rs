@@ -8,6 +8,11 @@ use std::time::{Duration, Instant};
 
 use wire::{Metric, Role, State, Status};
 
+use crate::stages::Newest;
+
+/// Names of metrics whose newest value is kept.
+const MOST_NAMES: usize = 1000;
+
 /// Newest status of each process, and when it came.
 pub(crate) type Statuses = BTreeMap<(Role, u32), (Status, Instant)>;
 
@@ -93,6 +98,7 @@ pub(crate) struct MetricsFile {
     file: Option<BufWriter<File>>,
     start: Instant,
     flushed: Instant,
+    newest: Newest,
 }
 
 impl MetricsFile {
@@ -103,18 +109,28 @@ impl MetricsFile {
             file: Some(file),
             start: Instant::now(),
             flushed: Instant::now(),
+            newest: Newest::new(),
         })
+    }
+
+    /// The newest value of each metric.
+    pub(crate) fn newest(&self) -> &Newest {
+        &self.newest
     }
 
     /// A full disk ends the file, not the run.
     pub(crate) fn add(&mut self, metric: &Metric) {
+        let name = metric.name().replace([',', '\n', '"'], "_");
+        // Whoever publishes on a channel must not fill the memory.
+        if self.newest.len() < MOST_NAMES || self.newest.contains_key(&name) {
+            self.newest.insert(name.clone(), metric.value);
+        }
         let Some(file) = &mut self.file else { return };
         let role = Role::from_number(metric.role).map_or("unknown", Role::name);
         let seconds = self.start.elapsed().as_secs_f64();
         let Metric {
             id, step, value, ..
         } = *metric;
-        let name = metric.name().replace([',', '\n', '"'], "_");
         let mut written = writeln!(file, "{seconds:.1},{role},{id},{name},{step},{value}");
         if self.flushed.elapsed() > Duration::from_secs(1) {
             written = written.and_then(|()| file.flush());

@@ -1,18 +1,34 @@
 //! Stage 1 on a thread: the latent encoder.
 
-use agents::vae::{Encoder, Settings, Vae};
-use config::Config;
+use std::path::Path;
+use std::time::Instant;
+
+use agents::vae::{Encoder, Settings, Shape, Vae};
+use config::{Config, Latent};
 use dataset::{Dataset, Starts};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 use crate::offline::{News, Post};
+use crate::save;
 
 /// Updates between two reports.
 const REPORT: usize = 500;
 
 pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow::Result<()> {
+    let start = Instant::now();
     let e = &config.encoder;
+    if e.kind == Latent::Place {
+        let (mean, std) = moments(data);
+        post.send(News::Encoder([mean, std].concat()));
+        return Ok(());
+    }
+    if let Some(path) = &e.from {
+        let shape = Shape::new(e.latent, &e.hidden);
+        let weights = save::load(Path::new(path), shape.weights())?;
+        post.send(News::Encoder(weights));
+        return Ok(());
+    }
     let settings = Settings {
         latent: e.latent,
         hidden: e.hidden.clone(),
@@ -76,6 +92,11 @@ pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow:
             error / places.len().max(1) as f32,
         );
     }
+    post.metric(
+        "time/encoder_s",
+        e.updates as u64,
+        start.elapsed().as_secs_f32(),
+    );
     post.send(News::Encoder(vae.weights));
     Ok(())
 }

@@ -1,9 +1,10 @@
 //! Stage 3b on a thread: the high level, on the graph and from rollouts.
 
 use std::sync::mpsc::Receiver;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use agents::high::{Choice, High, Settings};
+use agents::high::{High, Settings, Settled};
+use agents::navigator::Patience;
 use agents::ppo;
 use config::Config;
 use graph::Graph;
@@ -18,20 +19,31 @@ const PUBLISH: u64 = 10;
 const PAIRS: usize = 400;
 /// Updates with each new version of the graph, once the planned steps are done.
 const REFRESH: usize = 4;
+/// And where the version has other nodes: new ones have everything to learn.
+const RELEARN: usize = 60;
+/// Least share of the step size, and that on new nodes.
+const LEAST_RATE: f32 = 0.1;
+const RELEARN_RATE: f32 = 0.5;
+
+/// Choices of one rollout in the physics, and the node after the last.
+pub(crate) type Rollout = (Vec<Settled>, u32);
 
 /// What the main thread tells.
 pub(crate) enum Word {
     /// A new version of the graph.
     Graph(Box<Graph>),
-    /// Choices of one rollout in the physics, and the node after the last.
-    Rollout(Vec<Choice>, u32),
-    /// No more updates.
-    Freeze,
+    /// A rollout on nodes of this structure.
+    Rollout(u64, Rollout),
+    /// The rollouts of a round, on the newest graph's nodes, and the graph after it.
+    Round(Vec<Rollout>, Box<Graph>),
+    /// The final graph: the weights on it are final too.
+    Settle(Box<Graph>),
 }
 
 /// The config's settings for the agent.
-pub(crate) fn settings(config: &Config) -> Settings {
+fn settings(config: &Config) -> Settings {
     let h = &config.high;
+    let e = &config.execution;
     Settings {
         hidden: h.hidden.clone(),
         learning_rate: h.learning_rate as f32,
@@ -51,12 +63,21 @@ pub(crate) fn settings(config: &Config) -> Settings {
         arrival_reward: h.arrival_reward as f32,
         edge_cost: h.edge_cost as f32,
         max_edges: h.max_edges,
+        knowledge: match config.graph.knowledge {
+            config::Knowledge::Nothing => graph::Knowledge::Nothing,
+            config::Knowledge::Data => graph::Knowledge::Data,
+            config::Knowledge::Rollouts => graph::Knowledge::Rollouts,
+        },
+        patience: Patience {
+            factor: e.timeout_factor as f32,
+            most: e.max_edge_steps,
+        },
     }
 }
 
 pub(crate) fn train(
     config: &Config,
-    mut graph: Graph,
+    graph: Graph,
     words: &Receiver<Word>,
     post: &Post<'_>,
 ) -> anyhow::Result<()> {
@@ -67,32 +88,55 @@ pub(crate) fn train(
     );
     let h = &config.high;
     let mut rng = Pcg64Mcg::seed_from_u64(config.run.seed + 17);
-    let mut high = High::new(&graph, settings(config), &mut rng);
+    let high = High::new(&graph, settings(config), &mut rng);
     let batch = (h.environments * h.horizon) as f64;
     let most = (batch * h.physics_share / (1.0 - h.physics_share).max(0.01)) as usize;
-    let total = h.steps as u64;
-    let (mut updates, mut extra) = (0_u64, 0);
-    let mut done = false;
+    let mut trainer = Trainer {
+        config,
+        post,
+        graph,
+        high,
+        rng,
+        most,
+        updates: 0,
+        relearn: 0,
+    };
+    let start = Instant::now();
+    let (mut done, mut extra) = (false, 0);
     loop {
         // Without work to do, the next word is waited for.
-        let idle = done && extra == 0;
-        let mut word = if idle {
+        let mut word = if done && extra == 0 {
             words.recv_timeout(Duration::from_millis(200)).ok()
         } else {
             words.try_recv().ok()
         };
         while let Some(told) = word {
             match told {
-                Word::Graph(newer) if newer.len() == graph.len() => {
-                    graph = *newer;
-                    extra = if done { REFRESH } else { 0 };
+                Word::Graph(newer) => {
+                    let updates = trainer.adopt(*newer);
+                    extra = if done { extra.max(updates) } else { 0 };
                 }
-                Word::Graph(_) => {}
-                Word::Rollout(choices, last) if high.pending() < most => {
-                    high.add_rollout(&graph, &choices, last);
+                Word::Rollout(structure, rollout) => {
+                    if structure == trainer.graph.structure() {
+                        trainer.add(&rollout);
+                    }
                 }
-                Word::Rollout(..) => {}
-                Word::Freeze => return Ok(()),
+                Word::Round(rollouts, newer) => {
+                    rollouts.iter().for_each(|rollout| trainer.add(rollout));
+                    trainer.update();
+                    let updates = trainer.adopt(*newer);
+                    (0..updates).for_each(|_| trainer.update());
+                    trainer.measure();
+                    trainer.publish(true);
+                }
+                Word::Settle(last) => {
+                    let updates = trainer.adopt(*last).max(extra);
+                    (0..updates).for_each(|_| trainer.update());
+                    trainer.measure();
+                    trainer.publish(true);
+                    post.send(News::Settled);
+                    return Ok(());
+                }
             }
             word = words.try_recv().ok();
         }
@@ -103,35 +147,104 @@ pub(crate) fn train(
             continue;
         }
         extra = extra.saturating_sub(1);
-        let left = 1.0 - high.steps as f32 / total as f32;
-        high.set_learning_rate(h.learning_rate as f32 * left.max(0.1));
-        let physical = high.pending();
-        let report = high.update(&graph, &mut rng);
-        updates += 1;
-        let finished = !done && high.steps >= total;
-        let step = high.steps;
-        if updates.is_multiple_of(PUBLISH) || finished {
+        trainer.update();
+        let finished = !done && trainer.high.steps >= h.steps as u64;
+        if finished {
+            done = true;
+            post.metric(
+                "time/high_s",
+                trainer.high.steps,
+                start.elapsed().as_secs_f32(),
+            );
+            trainer.measure();
+        }
+        if trainer.updates.is_multiple_of(PUBLISH) || finished || (done && extra == 0) {
+            trainer.publish(done);
+        }
+    }
+}
+
+/// The high level in training on the newest graph.
+struct Trainer<'t, 's> {
+    config: &'t Config,
+    post: &'t Post<'s>,
+    graph: Graph,
+    high: High,
+    rng: Pcg64Mcg,
+    /// Choices of rollouts that an update takes, at most.
+    most: usize,
+    updates: u64,
+    /// Updates that are left since the nodes changed.
+    relearn: usize,
+}
+
+impl Trainer<'_, '_> {
+    /// Goes on with a newer graph; the updates that it asks for.
+    fn adopt(&mut self, newer: Graph) -> usize {
+        if newer.len() < 2 || newer.version <= self.graph.version {
+            return 0;
+        }
+        let changed = self.graph.structure() != newer.structure();
+        self.high.adopt(&self.graph, &newer, &mut self.rng);
+        self.graph = newer;
+        if changed {
+            self.relearn = RELEARN;
+            return RELEARN;
+        }
+        REFRESH
+    }
+
+    fn add(&mut self, (choices, last): &Rollout) {
+        if self.high.pending() < self.most {
+            self.high.add_rollout(&self.graph, choices, *last);
+        }
+    }
+
+    fn update(&mut self) {
+        let h = &self.config.high;
+        let left = 1.0 - self.high.steps as f32 / h.steps as f32;
+        let least = if self.relearn > 0 {
+            RELEARN_RATE
+        } else {
+            LEAST_RATE
+        };
+        self.relearn = self.relearn.saturating_sub(1);
+        self.high
+            .set_learning_rate(h.learning_rate as f32 * left.max(least));
+        let physical = self.high.pending();
+        let report = self.high.update(&self.graph, &mut self.rng);
+        self.updates += 1;
+        if self.updates.is_multiple_of(PUBLISH) {
+            let (post, step) = (self.post, self.high.steps);
             post.metric("high/entropy_nats", step, report.entropy);
             post.metric("high/kl", step, report.kl);
             post.metric("high/clip_fraction", step, report.clip_fraction);
             post.metric("high/value_loss", step, report.value_loss);
             post.metric("high/physical_choices", step, physical as f32);
-            if let Some(success) = high.take_success() {
-                post.metric("high/walks_arrived", step, success);
+            if let Some((arrived, reward)) = self.high.take_walks() {
+                post.metric("high/walks_arrived", step, arrived);
+                post.metric("high/return", step, reward);
             }
-            post.progress("high", step.min(total), total);
         }
-        if updates.is_multiple_of(PUBLISH) || finished || (done && extra == 0) {
-            done |= finished;
-            if finished || done {
-                let (arrived, ratio) = high.quality(&graph, PAIRS, &mut rng);
-                post.metric("high/greedy_arrived", step, arrived);
-                post.metric("high/path_over_shortest", step, ratio);
-            }
-            post.send(News::High {
-                weights: high.weights.clone(),
-                last: done,
-            });
-        }
+        let total = h.steps as u64;
+        self.post
+            .progress("high", self.high.steps.min(total), total);
+    }
+
+    /// How far the most likely choices lead, and how straight.
+    fn measure(&mut self) {
+        let (arrived, ratio) = self.high.quality(&self.graph, PAIRS, &mut self.rng);
+        let step = self.high.steps;
+        self.post.metric("high/greedy_arrived", step, arrived);
+        self.post.metric("high/path_over_shortest", step, ratio);
+    }
+
+    fn publish(&self, last: bool) {
+        self.post.send(News::High {
+            weights: self.high.weights.clone(),
+            graph: self.graph.version,
+            structure: self.graph.structure(),
+            last,
+        });
     }
 }

@@ -4,6 +4,7 @@
 //! acknowledged and late joiners served at once. Each network is trained on a thread of its own
 //! and reports over an in-process channel.
 
+mod choices;
 mod encoder;
 mod high;
 mod low;

@@ -1,6 +1,9 @@
 //! Stage 3a on a thread: the low level.
 
-use agents::low::{Low, Sample, Settings, Subgoal};
+use std::path::Path;
+use std::time::Instant;
+
+use agents::low::{Low, Policy, Sample, Settings, Subgoal};
 use agents::vae::{Encoder, Shape};
 use config::Config;
 use dataset::{Dataset, Starts};
@@ -9,6 +12,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use crate::offline::{News, Post};
+use crate::save;
 
 /// Updates between two reports.
 const REPORT: usize = 500;
@@ -25,6 +29,7 @@ pub(crate) fn train(
     encoder: &[f32],
     post: &Post<'_>,
 ) -> anyhow::Result<()> {
+    let start = Instant::now();
     let l = &config.low;
     let settings = Settings {
         hidden: l.hidden.clone(),
@@ -37,6 +42,15 @@ pub(crate) fn train(
         target_rate: l.target_rate as f32,
     };
     let dz = config.encoder.latent;
+    if let Some(path) = &l.from {
+        let policy = Policy::new(dz, &l.hidden);
+        let weights = save::load(Path::new(path), policy.mlp().parameters())?;
+        post.send(News::Low {
+            weights,
+            last: true,
+        });
+        return Ok(());
+    }
     let Some(mut encoder) = Encoder::new(Shape::new(dz, &config.encoder.hidden), encoder) else {
         anyhow::bail!("the encoder's weights do not fit its shape");
     };
@@ -114,6 +128,10 @@ pub(crate) fn train(
         }
         if update % PUBLISH == 0 || update == l.updates {
             let last = update == l.updates;
+            if last {
+                let seconds = start.elapsed().as_secs_f32();
+                post.metric("time/low_s", update as u64, seconds);
+            }
             post.send(News::Low {
                 weights: low.weights.clone(),
                 last,

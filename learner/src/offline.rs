@@ -1,5 +1,6 @@
 //! The offline run: stages 1, 3a and 3b, each on its thread, and the channels.
 
+use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,19 +8,18 @@ use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread::Scope;
 use std::time::{Duration, Instant};
 
-use agents::high::Choice;
-use agents::ppo::End;
 use anyhow::Context;
-use config::Config;
+use config::{Config, Controller, Planner};
 use dataset::Dataset;
 use graph::Graph;
+use maze::Layout;
 use wire::{
-    Bus, DirectiveSubscriber, GraphSubscriber, Metric, Module, Phase, Reader, Reporter, Role,
-    State, Status, TrajectoryReceiver, Transition, WeightsPublisher, flags,
+    Bus, Directive, DirectiveSubscriber, GraphSubscriber, Metric, Module, Phase, Reader, Reporter,
+    Role, Rounds, State, Status, TrajectoryReceiver, WeightsPublisher,
 };
 
 use crate::high::{self, Word};
-use crate::{encoder, low, save};
+use crate::{choices, encoder, low, save};
 
 /// What a training thread has to tell.
 pub(crate) enum News {
@@ -38,10 +38,15 @@ pub(crate) enum News {
         weights: Vec<f32>,
         last: bool,
     },
+    /// Weights over the nodes of a version of the graph, and of every other one of its structure.
     High {
         weights: Vec<f32>,
+        graph: u64,
+        structure: u64,
         last: bool,
     },
+    /// No more of the high level will come.
+    Settled,
     Failed(anyhow::Error),
 }
 
@@ -88,46 +93,6 @@ fn spawn<'s>(
     });
 }
 
-/// The choices of a trajectory, and the node after the last; what was not settled is left out.
-fn choices(record: &[Transition], config: &Config) -> (Vec<Choice>, u32) {
-    let mut found: Vec<Choice> = vec![];
-    let mut open: Option<(&Transition, usize)> = None;
-    let mut last = None;
-    for (t, step) in record.iter().enumerate() {
-        let settled = step.has(flags::REACHED | flags::FAILED);
-        if let Some((start, at)) = open.filter(|_| settled || step.has(flags::SUCCESS)) {
-            let arrived = step.has(flags::SUCCESS) || step.node == start.goal_node;
-            // The same scale as on the graph: an edge of the lag's length costs one edge.
-            let cost = config.high.edge_cost * (t - at) as f64 / config.graph.lag as f64;
-            let gain = if arrived {
-                config.high.arrival_reward
-            } else {
-                0.0
-            };
-            found.push(Choice {
-                node: start.node.max(0) as u32,
-                goal: start.goal_node.max(0) as u32,
-                subgoal: start.subgoal.max(0) as u32,
-                log_prob: start.log_prob,
-                reward: (gain - cost) as f32,
-                end: if arrived { End::Terminal } else { End::Not },
-            });
-            last = u32::try_from(step.node).ok();
-            open = None;
-            if arrived {
-                break;
-            }
-        }
-        if step.has(flags::CHOICE) && step.node >= 0 && step.subgoal >= 0 && step.goal_node >= 0 {
-            open = Some((step, t));
-        }
-    }
-    if let Some(end) = found.last_mut().filter(|choice| choice.end == End::Not) {
-        end.end = End::Truncated;
-    }
-    (found, last.unwrap_or(0))
-}
-
 struct Learner<'c> {
     config: &'c Config,
     folder: &'c Path,
@@ -143,8 +108,18 @@ struct Learner<'c> {
     trained: [bool; 2],
     newest: [Vec<f32>; 2],
     progress: [[u64; 2]; 3],
-    frozen: bool,
+    /// The newest version of the graph.
+    graph: Option<Graph>,
+    /// Structures of the newest versions: a trajectory tells only its version.
+    structures: VecDeque<(u64, u64)>,
+    words: Option<Sender<Word>>,
+    rounds: Rounds,
+    settling: bool,
+    settled: bool,
 }
+
+/// Versions whose structure is remembered.
+const REMEMBERED: usize = 64;
 
 pub(crate) fn run(
     config: &Config,
@@ -177,9 +152,17 @@ pub(crate) fn run(
         trained: [false; 2],
         newest: [vec![], vec![]],
         progress: [[0; 2]; 3],
-        frozen: false,
+        graph: None,
+        structures: VecDeque::new(),
+        words: None,
+        rounds: Rounds::default(),
+        settling: false,
+        settled: false,
     };
-    let data = Dataset::open(Path::new(&config.dataset))?;
+    let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
+    let data = Dataset::open(Path::new(&config.dataset.path))?;
+    let data = data.without(|place| config.dataset.leaves_out(layout.cell_at(place)));
+    learner.describe(&data, &layout);
     let halt = AtomicBool::new(false);
     let result = std::thread::scope(|scope| {
         let result = learner.work(scope, &data, &halt, stop);
@@ -203,8 +186,6 @@ impl<'c> Learner<'c> {
         'c: 's,
     {
         let (sender, news): (Sender<News>, Receiver<News>) = mpsc::channel();
-        let (words, ears) = mpsc::channel();
-        let mut ears = Some(ears);
         let config = self.config;
         spawn(scope, &sender, halt, move |post| {
             encoder::train(config, data, post)
@@ -212,22 +193,8 @@ impl<'c> Learner<'c> {
         self.status.state = State::Working as u32;
         let mut pulse = Instant::now();
         while !stop.load(Ordering::Relaxed) {
-            let phase = self.directives.latest().phase();
-            if phase != Phase::Train && !self.frozen {
-                self.frozen = true;
-                let _ = words.send(Word::Freeze);
-                self.checkpoint()?;
-            }
-            let frozen = self.frozen;
-            self.receiver.receive(16, |_, record| {
-                if !frozen {
-                    let (choices, last) = choices(record, config);
-                    if !choices.is_empty() {
-                        let _ = words.send(Word::Rollout(choices, last));
-                    }
-                }
-            });
-            self.receiver.acknowledge();
+            let directive = self.directives.latest();
+            self.receive(directive.phase());
             self.publishers
                 .iter()
                 .for_each(WeightsPublisher::keep_alive);
@@ -236,29 +203,143 @@ impl<'c> Learner<'c> {
             }
             if let Some((_, bytes)) = self.graphs.latest() {
                 let graph = Graph::from_bytes(&bytes).context("the graph that was published")?;
-                self.status.versions[2] = graph.version;
-                if let (Some(ears), Some(encoder)) = (ears.take(), &self.encoder) {
-                    let (own, encoder) = (graph.clone(), encoder.clone());
-                    spawn(scope, &sender, halt, move |post| {
-                        low::train(config, data, &own, &encoder, post)
-                    });
-                    spawn(scope, &sender, halt, move |post| {
-                        high::train(config, graph, &ears, post)
-                    });
-                } else {
-                    let _ = words.send(Word::Graph(Box::new(graph)));
-                }
+                self.take_graph(graph, |words, graph, encoder| {
+                    if config.low.controller == Controller::Learned {
+                        let own = graph.clone();
+                        spawn(scope, &sender, halt, move |post| {
+                            low::train(config, data, &own, &encoder, post)
+                        });
+                    }
+                    if config.high.planner == Planner::Learned {
+                        spawn(scope, &sender, halt, move |post| {
+                            high::train(config, graph, &words, post)
+                        });
+                    }
+                });
+            }
+            self.round(&directive);
+            if directive.phase() == Phase::Settle {
+                self.settle(&directive)?;
             }
             if pulse.elapsed() > Duration::from_millis(500) {
                 self.pulse();
                 pulse = Instant::now();
             }
-            if phase == Phase::Finish && self.receiver.all_left() {
+            if directive.phase() == Phase::Finish && self.receiver.all_left() {
                 return Ok(());
             }
             self.receiver.wait(Duration::from_millis(50));
         }
         Ok(())
+    }
+
+    /// What the data are, as numbers.
+    fn describe(&self, data: &Dataset, layout: &Layout) {
+        let goal = layout.goals().first().copied().unwrap_or(layout.start());
+        let [start, goal] = [layout.start(), goal].map(|cell| layout.centre(cell));
+        let share = data.share_from_to(start, goal, maze::CELL_SIZE / 2.0);
+        for (name, value) in [
+            ("data/rows", data.len() as f64),
+            ("data/episodes", data.episodes.len() as f64),
+            ("data/start_to_goal", f64::from(share)),
+        ] {
+            self.reporter
+                .metric(&Metric::new(Role::Learner, 0, name, 0, value));
+        }
+    }
+
+    /// Takes in what actors sent; in training it is material for the high level.
+    fn receive(&mut self, phase: Phase) {
+        let (words, rounds, structures) = (&self.words, &mut self.rounds, &self.structures);
+        let deterministic = self.config.run.deterministic;
+        self.receiver.receive(16, |header, record| {
+            if phase != Phase::Train {
+                return;
+            }
+            if deterministic {
+                rounds.add(header, record);
+                return;
+            }
+            let known = structures.iter().find(|(v, _)| *v == header.graph_version);
+            if let (Some(words), Some((_, structure))) = (words, known) {
+                let (choices, last) = choices::of(record);
+                if !choices.is_empty() {
+                    let _ = words.send(Word::Rollout(*structure, (choices, last)));
+                }
+            }
+        });
+        self.receiver.acknowledge();
+    }
+
+    /// The first graph starts the stages that need one; later ones go to the high level.
+    fn take_graph(&mut self, graph: Graph, start: impl FnOnce(Receiver<Word>, Graph, Vec<f32>)) {
+        let Some(encoder) = &self.encoder else { return };
+        self.structures
+            .push_front((graph.version, graph.structure()));
+        self.structures.truncate(REMEMBERED);
+        match &self.words {
+            None => {
+                let (words, ears) = mpsc::channel();
+                self.words = Some(words);
+                self.trained = [
+                    self.config.low.controller == Controller::Walker,
+                    self.config.high.planner == Planner::Search,
+                ];
+                start(ears, graph.clone(), encoder.clone());
+            }
+            // In rounds a graph goes with its rollouts.
+            Some(words) if !self.config.run.deterministic && !self.settling => {
+                let _ = words.send(Word::Graph(Box::new(graph.clone())));
+            }
+            Some(_) => {}
+        }
+        if self.config.high.planner == Planner::Search {
+            self.status.versions[2] = graph.version;
+        }
+        self.graph = Some(graph);
+    }
+
+    /// Learns from a round once it is whole and the graph-builder has learned from it.
+    fn round(&mut self, directive: &Directive) {
+        let round = self.rounds.taken() + 1;
+        let (Some(graph), Some(words)) = (&self.graph, &self.words) else {
+            return;
+        };
+        if directive.round != round || graph.version <= u64::from(round) {
+            return;
+        }
+        let Some(trajectories) = self.rounds.take(directive.episodes) else {
+            return;
+        };
+        if self.config.high.planner == Planner::Search {
+            self.status.round = round;
+            return;
+        }
+        let rollouts = trajectories.iter().map(|t| choices::of(&t.steps));
+        let rollouts = rollouts
+            .filter(|(choices, _)| !choices.is_empty())
+            .collect();
+        let _ = words.send(Word::Round(rollouts, Box::new(graph.clone())));
+    }
+
+    /// Ends the high level's training on the final graph, once it is there.
+    fn settle(&mut self, directive: &Directive) -> anyhow::Result<()> {
+        let Some(graph) = self.graph.as_ref().filter(|graph| {
+            directive.graph_version > 0 && graph.version >= directive.graph_version
+        }) else {
+            return Ok(());
+        };
+        if self.settling {
+            return Ok(());
+        }
+        self.settling = true;
+        match &self.words {
+            Some(words) if self.config.high.planner == Planner::Learned => {
+                let _ = words.send(Word::Settle(Box::new(graph.clone())));
+                Ok(())
+            }
+            _ => self.hear(News::Settled),
+        }
     }
 
     fn hear(&mut self, news: News) -> anyhow::Result<()> {
@@ -277,29 +358,39 @@ impl<'c> Learner<'c> {
                 self.progress[at] = [done, total];
             }
             News::Encoder(weights) => {
-                self.publish(0, &weights)?;
+                self.publish(0, 0, &weights)?;
                 save::module(self.folder, "encoder", self.config, 1, &weights)?;
                 self.encoder = Some(weights);
             }
             News::Low { weights, last } => {
                 self.trained[0] |= last;
-                self.publish(1, &weights)?;
+                self.publish(1, 0, &weights)?;
                 self.newest[0] = weights;
             }
-            News::High { weights, last } if !self.frozen => {
+            News::High {
+                weights,
+                graph,
+                structure,
+                last,
+            } => {
                 self.trained[1] |= last;
-                self.publish(2, &weights)?;
+                self.publish(2, structure, &weights)?;
+                self.status.versions[2] = graph;
+                self.status.round = self.rounds.taken();
                 self.newest[1] = weights;
             }
-            News::High { .. } => {}
+            News::Settled => {
+                self.settled = true;
+                self.checkpoint()?;
+            }
             News::Failed(error) => return Err(error),
         }
         Ok(())
     }
 
-    fn publish(&mut self, module: usize, weights: &[f32]) -> anyhow::Result<()> {
+    fn publish(&mut self, module: usize, structure: u64, weights: &[f32]) -> anyhow::Result<()> {
         self.versions[module] += 1;
-        self.publishers[module].publish(self.versions[module], 0, weights)?;
+        self.publishers[module].publish(self.versions[module], structure, weights)?;
         Ok(())
     }
 
@@ -320,7 +411,7 @@ impl<'c> Learner<'c> {
         let [encoder, low, high] = self.progress.map(share);
         let text = if self.encoder.is_none() {
             format!("encoder {encoder}%")
-        } else if self.status.versions[2] == 0 {
+        } else if self.graph.is_none() {
             "waits for the graph".to_owned()
         } else {
             format!("low {low}%, high {high}%")
@@ -328,7 +419,9 @@ impl<'c> Learner<'c> {
         let s = &mut self.status;
         s.set_text(&text);
         let trained = self.trained == [true; 2];
-        s.state = if trained {
+        s.state = if self.settled {
+            State::Settled
+        } else if trained {
             State::Trained
         } else {
             State::Working
@@ -343,44 +436,5 @@ impl<'c> Learner<'c> {
         self.pulse();
         self.status.state = State::Finished as u32;
         self.reporter.status(&self.status);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn config() -> Config {
-        let text = "[dataset]\npath = \"x.hdf5\"\n[collect]\n";
-        Config::parse(text, "x.toml", "x", &[]).unwrap()
-    }
-
-    #[test]
-    fn choices_are_settled_one_by_one_and_the_last_open_one_is_left_out() {
-        let step = |node, subgoal, flags| Transition {
-            node,
-            subgoal,
-            goal_node: 9,
-            log_prob: -0.5,
-            flags,
-            ..Transition::default()
-        };
-        let record = [
-            step(1, 2, flags::CHOICE),
-            step(1, 2, 0),
-            step(2, 3, flags::REACHED | flags::CHOICE),
-            step(2, 3, 0),
-            step(2, 4, flags::FAILED | flags::CHOICE),
-        ];
-        let (found, last) = choices(&record, &config());
-        let ends: Vec<_> = found.iter().map(|c| (c.node, c.subgoal, c.end)).collect();
-        assert_eq!(ends, [(1, 2, End::Not), (2, 3, End::Truncated)]);
-        assert_eq!(last, 2);
-        assert!((found[0].reward + 0.02 * 2.0 / 15.0).abs() < 1e-6);
-
-        let record = [step(1, 2, flags::CHOICE), step(9, 2, flags::REACHED)];
-        let (found, last) = choices(&record, &config());
-        assert_eq!((found[0].end, last), (End::Terminal, 9));
-        assert!(found[0].reward > 0.9);
     }
 }

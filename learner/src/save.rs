@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use anyhow::Context;
 use config::Config;
-use nets::file;
+use nets::file::{self, ParameterFile};
 
 /// Saves one module's flat weights with what they belong to.
 pub(crate) fn module(
@@ -28,4 +29,28 @@ pub(crate) fn module(
         &metadata,
     )?;
     Ok(())
+}
+
+/// Reads what [`module`] saved, of a network with so many parameters.
+pub(crate) fn load(path: &Path, parameters: usize) -> anyhow::Result<Vec<f32>> {
+    let told = || path.display().to_string();
+    let file = ParameterFile::load(path).with_context(told)?;
+    file.tensor("weights", &[parameters]).with_context(told)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_come_back_and_those_of_another_shape_do_not() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("checkpoints")).unwrap();
+        let text = "[dataset]\npath = \"x.hdf5\"\n[collect]\n";
+        let config = Config::parse(text, "x.toml", "x", &[]).unwrap();
+        module(folder.path(), "low", &config, 3, &[0.5, -1.0]).unwrap();
+        let path = folder.path().join("checkpoints/low.safetensors");
+        assert_eq!(load(&path, 2).unwrap(), [0.5, -1.0]);
+        assert!(load(&path, 3).is_err());
+    }
 }

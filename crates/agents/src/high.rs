@@ -5,11 +5,14 @@
 //! Steps come from the graph itself (an edge succeeds with its measured reliability) and from
 //! rollouts in the physics.
 
-use graph::Graph;
+use std::collections::HashMap;
+
+use graph::{Graph, Knowledge};
 use nets::categorical::Masked;
 use nets::{Activation, Adam, Mlp, Workspace, clip_global_norm};
 use rand::{Rng, RngExt};
 
+use crate::navigator::Patience;
 use crate::ppo::{self, End, Report};
 
 /// Settings of the high level.
@@ -31,6 +34,10 @@ pub struct Settings {
     pub edge_cost: f32,
     /// Edges after which a walk is cut off.
     pub max_edges: usize,
+    /// What walks on the graph know of its edges.
+    pub knowledge: Knowledge,
+    /// When an edge is given up, which is what a failure costs.
+    pub patience: Patience,
 }
 
 /// Frequencies of the Fourier features of a latent.
@@ -95,9 +102,9 @@ fn embed(node: &[f32], goal: &[f32], latent: usize, input: &mut Vec<f32>) {
     input.extend(node.iter().zip(goal).map(|(a, b)| b - a).take(latent));
 }
 
-/// One choice of a walk, in the physics or on the graph.
+/// One choice of a rollout in the physics, and what became of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Choice {
+pub struct Settled {
     /// Node chosen at.
     pub node: u32,
     /// Goal's node.
@@ -106,10 +113,21 @@ pub struct Choice {
     pub subgoal: u32,
     /// Its log-probability when chosen.
     pub log_prob: f32,
-    /// Reward of the choice.
-    pub reward: f32,
-    /// How it ended.
-    pub end: End,
+    /// Control steps until the next choice.
+    pub steps: u32,
+    /// Whether that was the goal.
+    pub arrived: bool,
+}
+
+/// One choice of a walk, in the physics or on the graph.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Choice {
+    node: u32,
+    goal: u32,
+    subgoal: u32,
+    log_prob: f32,
+    reward: f32,
+    end: End,
 }
 
 #[derive(Default)]
@@ -126,6 +144,7 @@ struct Walk {
     node: u32,
     goal: u32,
     edges: usize,
+    rewards: f32,
 }
 
 /// Policy and value in training on one graph.
@@ -145,8 +164,8 @@ pub struct High {
     pending: Batch,
     /// Choices made on the graph so far.
     pub steps: u64,
-    /// Share of finished walks that arrived since last asked, and their number.
-    arrivals: (u64, u64),
+    /// Walks that arrived and walks that ended since last asked, and the sum of their rewards.
+    ended: (u64, u64, f64),
 }
 
 impl High {
@@ -181,7 +200,7 @@ impl High {
             batch: Batch::default(),
             pending: Batch::default(),
             steps: 0,
-            arrivals: (0, 0),
+            ended: (0, 0, 0.0),
         }
     }
 
@@ -197,21 +216,65 @@ impl High {
         self.value_adam.learning_rate = rate;
     }
 
-    /// Adds the choices of one rollout in the physics to the next update. Choices that the graph
-    /// does not hold are left out.
-    pub fn add_rollout(&mut self, graph: &Graph, choices: &[Choice], last: u32) {
-        let nodes = graph.len() as u32;
-        let known = |c: &Choice| {
-            c.node < nodes && c.goal < nodes && graph.edge(c.node, c.subgoal).is_some()
-        };
-        if choices.is_empty() || last >= nodes || !choices.iter().all(known) {
+    /// Moves on to a version of the graph with other nodes: those that it shares with `old` keep
+    /// their logits, each new one starts with those of the old node that is nearest. Rollouts and
+    /// walks on the old nodes are left off.
+    pub fn adopt(&mut self, old: &Graph, new: &Graph, rng: &mut impl Rng) {
+        if old.structure() == new.structure() {
             return;
         }
-        self.pending.choices.extend_from_slice(choices);
+        let place: HashMap<u32, usize> = old.ids.iter().copied().zip(0..).collect();
+        let source = |node: u32| {
+            let id = new.ids[node as usize];
+            let nearest = || {
+                old.nearest(new.latent(node))
+                    .map_or(0, |node| node as usize)
+            };
+            place.get(&id).copied().unwrap_or_else(nearest)
+        };
+        let sources: Vec<usize> = (0..new.len() as u32).map(source).collect();
+        let mlp = &self.policy.mlp;
+        self.weights = mlp.take_outputs(&self.weights, &sources);
+        self.policy_adam
+            .map_moments(|moments| mlp.take_outputs(moments, &sources));
+        self.policy.mlp = mlp.with_outputs(new.len());
+        let capacity = self.settings.ppo.minibatch.max(self.settings.environments);
+        self.policy_workspace = self.policy.mlp.workspace(capacity);
+        self.pending = Batch::default();
+        for walk in &mut self.walks {
+            *walk = new_walk(new.len(), rng);
+        }
+    }
+
+    /// Adds the choices of one rollout in the physics to the next update. Choices that the graph
+    /// does not hold are left out.
+    pub fn add_rollout(&mut self, graph: &Graph, choices: &[Settled], last: u32) {
+        let nodes = graph.len() as u32;
+        let known = |c: &Settled| {
+            c.node < nodes && c.goal < nodes && graph.edge(c.node, c.subgoal).is_some()
+        };
+        let Some(end) = choices.last() else { return };
+        if last >= nodes || !choices.iter().all(known) {
+            return;
+        }
+        for (i, c) in choices.iter().enumerate() {
+            self.pending.choices.push(Choice {
+                node: c.node,
+                goal: c.goal,
+                subgoal: c.subgoal,
+                log_prob: c.log_prob,
+                reward: reward(&self.settings, graph, c.steps as f32, c.arrived),
+                end: if c.arrived {
+                    End::Terminal
+                } else if i + 1 == choices.len() {
+                    End::Truncated
+                } else {
+                    End::Not
+                },
+            });
+        }
         self.pending.records.push(choices.len());
-        self.pending
-            .finals
-            .push((last, choices[choices.len() - 1].goal));
+        self.pending.finals.push((last, end.goal));
     }
 
     /// Choices of rollouts that wait for the next update.
@@ -220,10 +283,12 @@ impl High {
         self.pending.choices.len()
     }
 
-    /// Share of the walks that arrived, of those that ended since the last call.
-    pub fn take_success(&mut self) -> Option<f32> {
-        let (arrived, ended) = std::mem::take(&mut self.arrivals);
-        (ended > 0).then(|| arrived as f32 / ended as f32)
+    /// Share of the walks that arrived and their mean return, of those that ended since the last
+    /// call.
+    pub fn take_walks(&mut self) -> Option<(f32, f32)> {
+        let (arrived, ended, rewards) = std::mem::take(&mut self.ended);
+        let mean = |sum: f64| (sum / ended as f64) as f32;
+        (ended > 0).then(|| (mean(arrived as f64), mean(rewards)))
     }
 
     /// Walks on the graph for `horizon` edges and updates policy and value on all that was seen.
@@ -311,7 +376,12 @@ impl High {
                 };
                 let picked = masked.sample(rng);
                 let edge = &edges[picked];
-                let passed = rng.random::<f32>() < graph.reliability(edge);
+                let knowledge = self.settings.knowledge;
+                let passed = rng.random::<f32>() < graph.reliability(edge, knowledge);
+                let mut steps = graph.steps(edge, knowledge);
+                if !passed {
+                    steps = self.settings.patience.limit(steps) as f32;
+                }
                 let next = if passed { edge.to } else { walk.node };
                 let arrived = next == walk.goal;
                 let out_of_time = walk.edges + 1 >= self.settings.max_edges;
@@ -320,7 +390,7 @@ impl High {
                     goal: walk.goal,
                     subgoal: edge.to,
                     log_prob: masked.log_prob(picked),
-                    reward: reward(&self.settings, graph, edge.mean_steps, arrived),
+                    reward: reward(&self.settings, graph, steps, arrived),
                     end: if arrived {
                         End::Terminal
                     } else if out_of_time {
@@ -332,9 +402,11 @@ impl High {
                 choices[i].push(choice);
                 walk.node = next;
                 walk.edges += 1;
+                walk.rewards += choice.reward;
                 if choice.end != End::Not {
-                    self.arrivals.0 += u64::from(arrived);
-                    self.arrivals.1 += 1;
+                    self.ended.0 += u64::from(arrived);
+                    self.ended.1 += 1;
+                    self.ended.2 += f64::from(walk.rewards);
                     self.batch.records.push(choices[i].len());
                     self.batch.choices.append(&mut choices[i]);
                     self.batch.finals.push((next, walk.goal));
@@ -501,10 +573,10 @@ struct Scratch {
     gradient: Vec<f32>,
 }
 
-/// Reward of one choice: the edge's cost in proportion to its mean steps, and the arrival's gain.
-#[must_use]
-pub fn reward(settings: &Settings, graph: &Graph, steps: f32, arrived: bool) -> f32 {
-    let cost = settings.edge_cost * steps / graph.mean_edge_steps().max(1.0);
+/// Reward of one choice: the cost of its steps, as many as an edge's mean ones cost one edge, and
+/// the arrival's gain.
+fn reward(settings: &Settings, graph: &Graph, steps: f32, arrived: bool) -> f32 {
+    let cost = settings.edge_cost * steps / graph.mean_edge_steps.max(1.0);
     if arrived {
         settings.arrival_reward - cost
     } else {
@@ -522,5 +594,6 @@ fn new_walk(nodes: usize, rng: &mut impl Rng) -> Walk {
         node: node as u32,
         goal: goal as u32,
         edges: 0,
+        rewards: 0.0,
     }
 }

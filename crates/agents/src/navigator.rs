@@ -3,15 +3,15 @@
 //! A subgoal stands until its node is reached or its time is over. Near the goal the goal itself
 //! is the subgoal, since a node is wider than the tolerance.
 
-use graph::Graph;
-use maze::{Action, EGOCENTRIC};
-use nets::Workspace;
+use graph::{Edge, Graph, Knowledge};
+use maze::{Action, EGOCENTRIC, Egocentric};
 use nets::categorical::Masked;
-use rand::Rng;
+use nets::{Mlp, Workspace};
+use rand::{Rng, RngExt};
 
 use crate::low::Subgoal;
 use crate::vae::Encoder;
-use crate::{high, low};
+use crate::{high, low, walker};
 
 /// Settings of execution.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,11 +22,62 @@ pub struct Settings {
     pub goal_radius: f32,
     /// Nodes that the subgoal may lie ahead, when the most likely ones are chosen.
     pub look_ahead: usize,
-    /// An edge is given up after this many times its mean steps.
-    pub timeout_factor: f32,
-    /// And after this many steps at most.
-    pub max_edge_steps: usize,
+    /// When an edge is given up.
+    pub patience: Patience,
+    /// What is known of the edges' times, and what a search reckons with.
+    pub knowledge: Knowledge,
 }
+
+/// When an edge is given up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Patience {
+    /// After this many times its steps,
+    pub factor: f32,
+    /// and after this many steps at most.
+    pub most: usize,
+}
+
+/// Short edges too need the time to turn round.
+const LEAST_PATIENCE: usize = 15;
+
+impl Patience {
+    /// Steps after which an edge that takes `steps` is given up.
+    #[must_use]
+    pub fn limit(&self, steps: f32) -> usize {
+        let limit = (self.factor * steps).ceil() as usize;
+        limit.max(LEAST_PATIENCE).min(self.most)
+    }
+}
+
+/// What finds the way over the graph.
+#[derive(Debug, Clone)]
+pub enum Planner {
+    /// The learned policy and its weights.
+    Learned(high::Policy, Vec<f32>),
+    /// Dijkstra's search over the edges' costs, as in GAS: the ablation of the learned policy.
+    Search,
+}
+
+/// What walks to a subgoal.
+#[derive(Debug, Clone)]
+pub enum Controller {
+    /// The learned low level and its weights.
+    Learned(low::Policy, Vec<f32>),
+    /// The walker that made the data and its weights: the oracle of the low level.
+    Walker(walker::Policy, Vec<f32>),
+}
+
+impl Controller {
+    fn mlp(&self) -> &Mlp {
+        match self {
+            Self::Learned(policy, _) => policy.mlp(),
+            Self::Walker(policy, _) => policy.mlp(),
+        }
+    }
+}
+
+/// Share of choices that a search makes at random where it explores.
+const SEARCH_EXPLORES: f32 = 0.2;
 
 /// How neighbours are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +90,7 @@ pub enum Choosing {
 
 /// A choice under way.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Edge {
+struct Attempt {
     from: u32,
     to: u32,
     steps: usize,
@@ -89,16 +140,18 @@ pub struct Navigator {
     settings: Settings,
     encoder: Encoder,
     graph: Graph,
-    low: (low::Policy, Vec<f32>),
-    high: (high::Policy, Vec<f32>),
-    low_workspace: Workspace,
-    high_workspace: Workspace,
+    controller: Controller,
+    planner: Planner,
+    controller_workspace: Workspace,
+    planner_workspace: Workspace,
+    /// Cost of the way from each node to the goal's; for a search alone.
+    costs: Vec<f32>,
     input: Vec<f32>,
     latent: Vec<f32>,
     goal: [f32; 2],
     goal_latent: Vec<f32>,
     goal_node: u32,
-    edge: Option<Edge>,
+    attempt: Option<Attempt>,
     /// Edges given up in this episode.
     given_up: Vec<(u32, u32)>,
     allowed: Vec<usize>,
@@ -112,29 +165,45 @@ impl Navigator {
         settings: Settings,
         encoder: Encoder,
         graph: Graph,
-        low: (low::Policy, Vec<f32>),
-        high: (high::Policy, Vec<f32>),
+        controller: Controller,
+        planner: Planner,
     ) -> Option<Self> {
-        let fits = low.1.len() == low.0.mlp().parameters()
-            && high.1.len() == high.0.mlp().parameters()
-            && high.0.mlp().outputs() == graph.len()
+        let controller_fits = match &controller {
+            Controller::Learned(policy, weights) => {
+                weights.len() == policy.mlp().parameters()
+                    && policy.mlp().inputs() == EGOCENTRIC + 1 + encoder.latent()
+            }
+            Controller::Walker(policy, weights) => weights.len() == policy.weights(),
+        };
+        let planner_fits = match &planner {
+            Planner::Learned(policy, weights) => {
+                weights.len() == policy.mlp().parameters() && policy.mlp().outputs() == graph.len()
+            }
+            Planner::Search => true,
+        };
+        let planner_workspace = match &planner {
+            Planner::Learned(policy, _) => policy.mlp().workspace(1),
+            Planner::Search => Workspace::default(),
+        };
+        let fits = planner_fits
+            && controller_fits
             && graph.latent_dim == encoder.latent()
-            && low.0.mlp().inputs() == EGOCENTRIC + 1 + encoder.latent()
             && !graph.is_empty();
         fits.then(|| Self {
-            low_workspace: low.0.mlp().workspace(1),
-            high_workspace: high.0.mlp().workspace(1),
+            controller_workspace: controller.mlp().workspace(1),
+            planner_workspace,
+            costs: vec![],
             goal_latent: vec![0.0; encoder.latent()],
             settings,
             encoder,
             graph,
-            low,
-            high,
+            controller,
+            planner,
             input: vec![],
             latent: vec![],
             goal: [0.0; 2],
             goal_node: 0,
-            edge: None,
+            attempt: None,
             given_up: vec![],
             allowed: vec![],
             probabilities: vec![],
@@ -164,7 +233,11 @@ impl Navigator {
         self.goal = goal;
         self.goal_latent = self.encoder.encode_one(goal).to_vec();
         self.goal_node = self.graph.nearest(&self.goal_latent).unwrap_or(0);
-        self.edge = None;
+        if matches!(self.planner, Planner::Search) {
+            let cost = |edge: &Edge| self.graph.cost(edge, self.settings.knowledge);
+            self.costs = self.graph.distances_to(self.goal_node, cost);
+        }
+        self.attempt = None;
         self.given_up.clear();
     }
 
@@ -183,22 +256,22 @@ impl Navigator {
 
         let outcome = self.settle(node, place);
         if outcome.is_some() {
-            self.edge = None;
+            self.attempt = None;
         }
         let to_goal = (self.goal[0] - place[0]).hypot(self.goal[1] - place[1]);
         let at_goal = node == self.goal_node || to_goal <= self.settings.goal_radius;
         let mut chosen = None;
         if at_goal {
-            self.edge = None;
-        } else if self.edge.is_none() {
+            self.attempt = None;
+        } else if self.attempt.is_none() {
             chosen = self.choose(node, choosing, rng);
-        } else if let Some(edge) = &mut self.edge {
+        } else if let Some(edge) = &mut self.attempt {
             edge.steps += 1;
         }
         let subgoal = if at_goal {
             None
         } else {
-            self.edge.map(|edge| edge.to)
+            self.attempt.map(|edge| edge.to)
         };
         let target = match subgoal {
             Some(to) => Subgoal {
@@ -211,11 +284,19 @@ impl Navigator {
             },
         };
         let place = target.place;
-        self.input.clear();
-        let (policy, weights) = &self.low;
-        let frame = policy.input(observation, &self.latent, target, &mut self.input);
-        let mean = policy.act(weights, &self.input, 1, &mut self.low_workspace);
-        let action = frame.to_actuators(mean);
+        let workspace = &mut self.controller_workspace;
+        let action = match &self.controller {
+            Controller::Learned(policy, weights) => {
+                self.input.clear();
+                let frame = policy.input(observation, &self.latent, target, &mut self.input);
+                frame.to_actuators(policy.act(weights, &self.input, 1, workspace))
+            }
+            Controller::Walker(policy, weights) => {
+                let towards = [place[0] - observation[0], place[1] - observation[1]];
+                let frame = Egocentric::new(observation, towards);
+                frame.to_actuators(policy.mean(weights, &frame.features, 1, workspace))
+            }
+        };
         Decision {
             action,
             node,
@@ -228,7 +309,7 @@ impl Navigator {
 
     /// How the choice under way ended, if it did.
     fn settle(&mut self, node: u32, place: [f32; 2]) -> Option<Outcome> {
-        let edge = self.edge?;
+        let edge = self.attempt?;
         let target = self.graph.places[edge.to as usize];
         let distance = (target[0] - place[0]).hypot(target[1] - place[1]);
         let reached = node == edge.to || distance <= self.settings.reached_radius;
@@ -279,14 +360,13 @@ impl Navigator {
                 }
             }
         }
+        let knowledge = self.settings.knowledge;
         let steps = self
             .graph
             .edge(node, to)
-            .map_or(1.0, |edge| edge.mean_steps);
-        let limit = (self.settings.timeout_factor * steps).ceil() as usize;
-        // Short edges too need the time to turn round.
-        let limit = limit.max(15).min(self.settings.max_edge_steps);
-        self.edge = Some(Edge {
+            .map_or(1.0, |edge| self.graph.steps(edge, knowledge));
+        let limit = self.settings.patience.limit(steps);
+        self.attempt = Some(Attempt {
             from: node,
             to,
             steps: 0,
@@ -307,21 +387,54 @@ impl Navigator {
         let open = self.graph.neighbours(node).iter().map(|edge| edge.to);
         let open = open.filter(|to| !given_up.contains(&(node, *to)));
         self.allowed.extend(open.map(|to| to as usize));
-        self.input.clear();
-        let (policy, weights) = &self.high;
-        policy.input(self.graph.latent(node), &self.goal_latent, &mut self.input);
-        let logits = policy.logits(weights, &self.input, 1, &mut self.high_workspace);
-        let masked = Masked::new(logits, &self.allowed)?;
-        let picked = match choosing {
-            Choosing::Sampled => masked.sample(rng),
-            Choosing::Greedy => masked.best(),
+        let (picked, log_prob, probabilities) = match &self.planner {
+            Planner::Learned(policy, weights) => {
+                self.input.clear();
+                policy.input(self.graph.latent(node), &self.goal_latent, &mut self.input);
+                let logits = policy.logits(weights, &self.input, 1, &mut self.planner_workspace);
+                let masked = Masked::new(logits, &self.allowed)?;
+                let picked = match choosing {
+                    Choosing::Sampled => masked.sample(rng),
+                    Choosing::Greedy => masked.best(),
+                };
+                let probabilities: Vec<f32> = masked.probabilities().collect();
+                (picked, masked.log_prob(picked), probabilities)
+            }
+            Planner::Search => {
+                if self.allowed.is_empty() {
+                    return None;
+                }
+                let explores =
+                    choosing == Choosing::Sampled && rng.random::<f32>() < SEARCH_EXPLORES;
+                let picked = if explores {
+                    rng.random_range(0..self.allowed.len())
+                } else {
+                    self.cheapest(node)
+                };
+                let mut probabilities = vec![0.0; self.allowed.len()];
+                probabilities[picked] = 1.0;
+                (picked, 0.0, probabilities)
+            }
         };
         let nodes = self.allowed.iter().map(|to| *to as u32);
-        let probabilities = nodes.zip(masked.probabilities()).collect();
         Some((
             self.allowed[picked] as u32,
-            masked.log_prob(picked),
-            probabilities,
+            log_prob,
+            nodes.zip(probabilities).collect(),
         ))
+    }
+
+    /// Position of the allowed neighbour that the cheapest way goes over.
+    fn cheapest(&self, node: u32) -> usize {
+        let through = |to: &usize| {
+            let edge = self.graph.edge(node, *to as u32);
+            edge.map_or(f32::INFINITY, |edge| {
+                self.graph.cost(edge, self.settings.knowledge) + self.costs[*to]
+            })
+        };
+        let positions = 0..self.allowed.len();
+        let best = positions
+            .min_by(|a, b| through(&self.allowed[*a]).total_cmp(&through(&self.allowed[*b])));
+        best.unwrap_or(0)
     }
 }

@@ -53,15 +53,15 @@ pub struct Losses {
 }
 
 impl Shape {
-    /// Shapes for a latent width and hidden layers.
+    /// Shapes for a latent width and hidden layers. Two values without any hidden layer are the
+    /// standardised place itself, which needs no network: the oracle of this stage.
     #[must_use]
     pub fn new(latent: usize, hidden: &[usize]) -> Self {
+        let oracle = latent == PLACE && hidden.is_empty();
         let mlp = |inputs: usize, outputs: usize| {
-            Mlp::new(
-                &[&[inputs], hidden, &[outputs]].concat(),
-                Activation::Gelu,
-                false,
-            )
+            let sizes = [&[inputs], hidden, &[outputs]].concat();
+            let sizes = if oracle { &[] } else { sizes.as_slice() };
+            Mlp::new(sizes, Activation::Gelu, false)
         };
         Self {
             encoder: mlp(CONDITION + PLACE, 2 * latent),
@@ -82,6 +82,10 @@ impl Shape {
     #[must_use]
     pub fn weights(&self) -> usize {
         2 * PLACE + self.ends()[2]
+    }
+
+    fn is_oracle(&self) -> bool {
+        self.encoder.parameters() == 0
     }
 
     fn ends(&self) -> [usize; 3] {
@@ -128,6 +132,11 @@ impl Encoder {
     /// Codes of places, appended to `latents` (`[n, latent]`): the mean of q(z | null, s).
     pub fn encode(&mut self, places: impl Iterator<Item = [f32; 2]>, latents: &mut Vec<f32>) {
         let (norm, networks) = self.weights.split_at(2 * PLACE);
+        if self.shape.is_oracle() {
+            let standard = |place: [f32; 2], k: usize| (place[k] - norm[k]) / norm[PLACE + k];
+            latents.extend(places.flat_map(|place| [0, 1].map(|k| standard(place, k))));
+            return;
+        }
         let parameters = &networks[..self.shape.ends()[0]];
         let mut places = places.peekable();
         while places.peek().is_some() {
@@ -161,6 +170,10 @@ impl Encoder {
     /// Places (m) of latents `[n, latent]`, without a condition.
     pub fn decode(&mut self, latents: &[f32]) -> Vec<[f32; 2]> {
         let (norm, networks) = self.weights.split_at(2 * PLACE);
+        if self.shape.is_oracle() {
+            let place = |z: &[f32]| [0, 1].map(|k| z[k] * norm[PLACE + k] + norm[k]);
+            return latents.chunks_exact(PLACE).map(place).collect();
+        }
         let ends = self.shape.ends();
         let parameters = &networks[ends[0]..ends[1]];
         let mut places = vec![];
@@ -415,6 +428,13 @@ mod tests {
 
     /// Without the KL's split between posterior and prior (kappa = 1/2 gives both half of it)
     /// the gradient is that of reconstruction + beta KL.
+    #[test]
+    fn the_oracles_latents_are_places() {
+        let mut encoder = Encoder::new(Shape::new(2, &[]), &[1.0, 2.0, 2.0, 4.0]).unwrap();
+        assert_eq!(encoder.encode_one([3.0, 10.0]), [1.0, 2.0]);
+        assert_eq!(encoder.decode(&[1.0, 2.0]), [[3.0, 10.0]]);
+    }
+
     #[test]
     fn gradient_matches_finite_differences() {
         let mut rng = Pcg64Mcg::seed_from_u64(2);

@@ -8,8 +8,8 @@ use std::path::Path;
 
 pub use reader::{Fault, Faults};
 pub use sections::{
-    Collect, Config, Encoder, Evaluation, Execution, Graph, High, Kind, Low, Maze, Run, Topology,
-    WalkerTraining,
+    Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
+    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Topology, WalkerTraining,
 };
 
 impl Config {

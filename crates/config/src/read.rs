@@ -4,19 +4,20 @@ use std::path::Path;
 
 use crate::reader::{Document, Table};
 use crate::sections::{
-    Collect, Config, Encoder, Evaluation, Execution, Graph, High, Kind, Low, Maze, Run, Topology,
-    WalkerTraining,
+    Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
+    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Topology, WalkerTraining,
 };
 
 const LAYOUTS: [&str; 6] = ["umaze", "medium", "large", "giant", "teleport", "custom"];
 
-const OFFLINE_TABLES: [&str; 8] = [
+const OFFLINE_TABLES: [&str; 9] = [
     "dataset",
     "collect",
     "encoder",
     "graph",
     "low",
     "high",
+    "rollouts",
     "execution",
     "evaluation",
 ];
@@ -38,7 +39,12 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         } else {
             Kind::Offline
         };
-        Run { name, seed, kind }
+        Run {
+            name,
+            seed,
+            kind,
+            deterministic: t.value("deterministic", false, |_| Ok(())),
+        }
     });
     let offline = run.kind == Kind::Offline;
     let maze = d.table("maze", |t| {
@@ -73,13 +79,17 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
     let dataset = if offline {
         read_dataset(d, has_collect)
     } else {
-        String::new()
+        Dataset {
+            path: String::new(),
+            leave_out: vec![],
+        }
     };
     let collect = (offline && has_collect).then(|| read_collect(d, &maze.layout));
     let encoder = read_encoder(d, offline);
     let graph = read_graph(d, offline);
     let low = read_low(d, offline);
     let high = read_high(d, offline);
+    let rollouts = read_rollouts(d, offline);
     let execution = read_execution(d, offline);
     let evaluation = read_evaluation(d, offline, &maze.layout);
     let walker = read_walker(d, !offline);
@@ -98,6 +108,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         graph,
         low,
         high,
+        rollouts,
         execution,
         evaluation,
         walker,
@@ -119,18 +130,30 @@ fn table<T>(
     }
 }
 
-fn read_dataset(d: &mut Document<'_>, has_collect: bool) -> String {
+fn read_dataset(d: &mut Document<'_>, has_collect: bool) -> Dataset {
     d.table("dataset", |t| {
         let path: String = t.value("path", String::new(), |_| Ok(()));
         if path.is_empty() {
-            t.fault("path", "missing; name an HDF5 file in D4RL's layout");
+            t.fault(
+                "path",
+                "missing; name a D4RL HDF5 file, a Minari folder or an OGBench npz",
+            );
         } else if !has_collect && !Path::new(&path).exists() {
             t.fault(
                 "path",
                 format!("no file '{path}', and no [collect] table that would make it"),
             );
         }
-        path
+        let cells: Vec<Vec<usize>> = t.value("leave_out", vec![], |cells: &Vec<Vec<usize>>| {
+            match cells.iter().find(|cell| cell.len() != 2) {
+                Some(cell) => Err(format!("{cell:?} is no cell; cells are [row, column]")),
+                None => Ok(()),
+            }
+        });
+        Dataset {
+            path,
+            leave_out: cells.iter().map(|cell| [cell[0], cell[1]]).collect(),
+        }
     })
 }
 
@@ -146,10 +169,7 @@ fn read_collect(d: &mut Document<'_>, layout: &str) -> Collect {
                 format!("fewer than the {episode_steps} of one episode"),
             );
         }
-        let walker: Option<String> = t.optional("walker");
-        if let Some(path) = walker.as_ref().filter(|path| !Path::new(path).is_file()) {
-            t.fault("walker", format!("no file '{path}'"));
-        }
+        let walker = read_file(t, "walker");
         Collect {
             style,
             transitions,
@@ -162,8 +182,23 @@ fn read_collect(d: &mut Document<'_>, layout: &str) -> Collect {
 }
 
 fn read_encoder(d: &mut Document<'_>, wanted: bool) -> Encoder {
-    table(d, wanted, "encoder", |t| Encoder {
-        latent: t.count("latent", 8, [1, 64]),
+    table(d, wanted, "encoder", |t| {
+        let places = t.word("kind", "vae", &["vae", "place"]) == "place";
+        let mut encoder = read_vae(t, places);
+        if places {
+            if encoder.latent != 2 {
+                t.fault("latent", "kind = \"place\" goes with latent = 2");
+            }
+            encoder.hidden.clear();
+        }
+        encoder
+    })
+}
+
+fn read_vae(t: &mut Table<'_, '_>, places: bool) -> Encoder {
+    Encoder {
+        kind: if places { Latent::Place } else { Latent::Vae },
+        latent: t.count("latent", if places { 2 } else { 8 }, [1, 64]),
         lag: t.count("lag", 15, [1, 1000]),
         beta: t.number("beta", 0.01, [0.0, 100.0]),
         prior_balance: t.number("prior_balance", 0.8, [0.0, 1.0]),
@@ -172,17 +207,58 @@ fn read_encoder(d: &mut Document<'_>, wanted: bool) -> Encoder {
         learning_rate: t.number("learning_rate", 1e-3, [0.0, 1.0]),
         batch: t.count("batch", 256, [1, 65_536]),
         updates: t.count("updates", 10_000, [1, 100_000_000]),
-    })
+        from: read_file(t, "from"),
+    }
+}
+
+/// A file that must be there, where the key is.
+fn read_file(t: &mut Table<'_, '_>, key: &'static str) -> Option<String> {
+    let path: Option<String> = t.optional(key);
+    if let Some(path) = path.as_ref().filter(|path| !Path::new(path).is_file()) {
+        t.fault(key, format!("no file '{path}'"));
+    }
+    path
 }
 
 fn read_graph(d: &mut Document<'_>, wanted: bool) -> Graph {
-    table(d, wanted, "graph", |t| Graph {
-        nodes: t.count("nodes", 200, [2, 4096]),
-        lag: t.count("lag", 15, [1, 1000]),
-        min_count: t.count("min_count", 3, [1, 1_000_000]),
-        min_trajectories: t.count("min_trajectories", 2, [1, 1_000_000]),
-        states_per_place: t.count("states_per_place", 50, [1, 1_000_000]),
-        refresh_seconds: t.number("refresh_seconds", 5.0, [0.1, 86_400.0]),
+    table(d, wanted, "graph", |t| {
+        let nodes = t.count("nodes", 200, [2, 4096]);
+        let max_nodes = t.count("max_nodes", (nodes + nodes / 2).min(4096), [2, 4096]);
+        if max_nodes < nodes {
+            t.fault(
+                "max_nodes",
+                format!("less than the {nodes} nodes to begin with"),
+            );
+        }
+        Graph {
+            nodes,
+            lag: t.count("lag", 15, [2, 1000]),
+            min_count: t.count("min_count", 3, [1, 1_000_000]),
+            min_trajectories: t.count("min_trajectories", 2, [1, 1_000_000]),
+            states_per_place: t.count("states_per_place", 50, [1, 1_000_000]),
+            refresh_seconds: t.number("refresh_seconds", 5.0, [0.1, 86_400.0]),
+            seeding: match t
+                .word("seeding", "k-means++", &["k-means++", "random"])
+                .as_str()
+            {
+                "random" => Seeding::Random,
+                _ => Seeding::PlusPlus,
+            },
+            wrong_edges: t.number("wrong_edges", 0.0, [0.0, 10.0]),
+            knowledge: match t
+                .word("knowledge", "rollouts", &["none", "data", "rollouts"])
+                .as_str()
+            {
+                "none" => Knowledge::Nothing,
+                "data" => Knowledge::Data,
+                _ => Knowledge::Rollouts,
+            },
+            online: t.value("online", false, |_| Ok(())),
+            max_nodes,
+            growth_radius: t.number("growth_radius", 1.25, [0.1, 100.0]),
+            growth_states: t.count("growth_states", 20, [1, 1000]),
+            least_success: t.number("least_success", 0.1, [0.0, 1.0]),
+        }
     })
 }
 
@@ -191,7 +267,7 @@ fn read_low(d: &mut Document<'_>, wanted: bool) -> Low {
         hidden: t.layers("hidden", &[256, 256]),
         learning_rate: t.number("learning_rate", 1e-3, [0.0, 1.0]),
         batch: t.count("batch", 256, [1, 65_536]),
-        updates: t.count("updates", 40_000, [1, 100_000_000]),
+        updates: t.count("updates", 15_000, [1, 100_000_000]),
         expectile: t.number("expectile", 0.7, [0.5, 0.999]),
         discount: t.number("discount", 0.98, [0.0, 0.9999]),
         inverse_temperature: t.number("inverse_temperature", 3.0, [0.0, 100.0]),
@@ -199,6 +275,14 @@ fn read_low(d: &mut Document<'_>, wanted: bool) -> Low {
         target_rate: t.number("target_rate", 0.005, [0.0, 1.0]),
         snap: t.number("snap", 0.5, [0.0, 1.0]),
         slack: t.count("slack", 5, [0, 1000]),
+        controller: match t
+            .word("controller", "learned", &["learned", "walker"])
+            .as_str()
+        {
+            "walker" => Controller::Walker,
+            _ => Controller::Learned,
+        },
+        from: read_file(t, "from"),
     })
 }
 
@@ -220,6 +304,13 @@ fn read_high(d: &mut Document<'_>, wanted: bool) -> High {
             max_edges: t.count("max_edges", 64, [1, 100_000]),
             steps: t.count("steps", 1_500_000, [1, 10_000_000_000]),
             physics_share: t.number("physics_share", 0.25, [0.0, 1.0]),
+            planner: match t
+                .word("planner", "learned", &["learned", "search"])
+                .as_str()
+            {
+                "search" => Planner::Search,
+                _ => Planner::Learned,
+            },
         };
         let batch = high.environments * high.horizon;
         if high.minibatch > batch {
@@ -230,6 +321,15 @@ fn read_high(d: &mut Document<'_>, wanted: bool) -> High {
             t.fault("minibatch", message);
         }
         high
+    })
+}
+
+fn read_rollouts(d: &mut Document<'_>, wanted: bool) -> Rollouts {
+    table(d, wanted, "rollouts", |t| Rollouts {
+        seconds: t.number("seconds", 15.0, [0.0, 86_400.0]),
+        test_every: t.count("test_every", 8, [0, 1_000_000]),
+        rounds: t.count("rounds", 4, [0, 100_000]),
+        episodes: t.count("episodes", 64, [1, 1024]),
     })
 }
 
@@ -252,7 +352,6 @@ fn read_evaluation(d: &mut Document<'_>, wanted: bool, layout: &str) -> Evaluati
             [1, 1_000_000],
         ),
         success_radius: t.number("success_radius", 0.5, [0.01, 10.0]),
-        rollout_seconds: t.number("rollout_seconds", 15.0, [0.0, 86_400.0]),
         all_traces: t.value("all_traces", false, |_| Ok(())),
     })
 }
@@ -319,7 +418,7 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "x.toml:1: dataset.path: missing; name an HDF5 file in D4RL's layout",
+                "x.toml:1: dataset.path: missing; name a D4RL HDF5 file, a Minari folder or an OGBench npz",
                 "x.toml:2: run.sead: unknown key; did you mean 'seed'?",
                 "x.toml:3: run.kind: unknown word; did you mean 'offline'?",
                 "x.toml:5: maze.layout: expected a text in quotes, found the whole number 7",

@@ -18,6 +18,8 @@ pub struct Run {
     pub seed: u64,
     /// `offline` or `walker`.
     pub kind: Kind,
+    /// Whether the same config gives the same result: rollouts in rounds instead of all the time.
+    pub deterministic: bool,
 }
 
 /// `[maze]`
@@ -61,9 +63,37 @@ pub struct Collect {
     pub threads: usize,
 }
 
+/// `[dataset]`
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dataset {
+    /// A D4RL HDF5 file, a Minari folder or an OGBench npz.
+    pub path: String,
+    /// Cells `[row, column]` of the maze whose rows are left out, as if nobody had been there.
+    pub leave_out: Vec<[usize; 2]>,
+}
+
+impl Dataset {
+    /// Whether the rows at a cell are left out; a place outside of the maze has none.
+    #[must_use]
+    pub fn leaves_out(&self, cell: Option<(usize, usize)>) -> bool {
+        cell.is_some_and(|(row, column)| self.leave_out.contains(&[row, column]))
+    }
+}
+
+/// What a state's latent is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Latent {
+    /// A code of the VAE.
+    Vae,
+    /// The place itself: the oracle of stage 1.
+    Place,
+}
+
 /// `[encoder]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct Encoder {
+    /// `vae`, or `place`: then a latent has two values and there are no hidden layers.
+    pub kind: Latent,
     /// Width of a latent.
     pub latent: usize,
     /// Control steps between the two places of a pair.
@@ -82,6 +112,28 @@ pub struct Encoder {
     pub batch: usize,
     /// Gradient steps.
     pub updates: usize,
+    /// Weights of another run's checkpoint, instead of training.
+    pub from: Option<String>,
+}
+
+/// How k-means begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Seeding {
+    /// Far from the centroids found so far.
+    PlusPlus,
+    /// Anywhere: the paper's ablation.
+    Random,
+}
+
+/// What of the edges' times and reachability is used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Knowledge {
+    /// Nothing: every edge is like every other one.
+    Nothing,
+    /// What the data tell.
+    Data,
+    /// And what rollouts tell.
+    Rollouts,
 }
 
 /// `[graph]`
@@ -99,6 +151,32 @@ pub struct Graph {
     pub states_per_place: usize,
     /// Seconds between versions of the graph while rollouts come in.
     pub refresh_seconds: f64,
+    /// `k-means++` or `random`.
+    pub seeding: Seeding,
+    /// Wrong edges added, as a share of the right ones: the paper's ablation.
+    pub wrong_edges: f64,
+    /// `none`, `data` or `rollouts`.
+    pub knowledge: Knowledge,
+    /// Whether rollouts add nodes and edges and drop edges that lead nowhere.
+    pub online: bool,
+    /// Nodes that an online graph may grow to.
+    pub max_nodes: usize,
+    /// A state this many times farther from every node than the data's states are is at a new
+    /// place.
+    pub growth_radius: f64,
+    /// States at a new place that make a node.
+    pub growth_states: usize,
+    /// An online graph drops edges that rollouts reach the end of less often than this.
+    pub least_success: f64,
+}
+
+/// What walks to a subgoal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Controller {
+    /// The learned low level.
+    Learned,
+    /// The walker that made the data: the oracle of stage 3a.
+    Walker,
 }
 
 /// `[low]`
@@ -126,6 +204,19 @@ pub struct Low {
     pub snap: f64,
     /// Subgoals lie up to the graph's lag plus this many steps ahead.
     pub slack: usize,
+    /// `learned` or `walker`.
+    pub controller: Controller,
+    /// Weights of another run's checkpoint, instead of training.
+    pub from: Option<String>,
+}
+
+/// What finds the way over the graph.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Planner {
+    /// The learned high level.
+    Learned,
+    /// Dijkstra's search: the paper's ablation, and the oracle of stage 3b.
+    Search,
 }
 
 /// `[high]`
@@ -161,6 +252,22 @@ pub struct High {
     pub steps: usize,
     /// Largest share of a batch that comes from rollouts in the physics.
     pub physics_share: f64,
+    /// `learned` or `search`.
+    pub planner: Planner,
+}
+
+/// `[rollouts]`
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rollouts {
+    /// From the moment that all weights are there to the evaluation (s).
+    pub seconds: f64,
+    /// Every so many episodes of an actor one is a test, by the evaluation's protocol, that
+    /// nothing is learned from: the learning curve. Zero is none.
+    pub test_every: usize,
+    /// Rounds of a deterministic run, each with one version of weights and graph.
+    pub rounds: usize,
+    /// Episodes of a round.
+    pub episodes: usize,
 }
 
 /// `[execution]`
@@ -187,8 +294,6 @@ pub struct Evaluation {
     pub max_steps: usize,
     /// The goal is reached within this distance (m).
     pub success_radius: f64,
-    /// Rollouts in the physics before it, from the moment that all weights are there (s).
-    pub rollout_seconds: f64,
     /// Episodes whose traces are kept: all, or the first success and failure of each actor.
     pub all_traces: bool,
 }
@@ -249,8 +354,8 @@ pub struct Config {
     pub maze: Maze,
     /// `[topology]`
     pub topology: Topology,
-    /// `dataset.path`: a D4RL HDF5 file, a Minari folder or an OGBench npz.
-    pub dataset: String,
+    /// `[dataset]`
+    pub dataset: Dataset,
     /// `[collect]`: makes the data set when its file is not there.
     pub collect: Option<Collect>,
     /// `[encoder]`
@@ -261,6 +366,8 @@ pub struct Config {
     pub low: Low,
     /// `[high]`
     pub high: High,
+    /// `[rollouts]`
+    pub rollouts: Rollouts,
     /// `[execution]`
     pub execution: Execution,
     /// `[evaluation]`

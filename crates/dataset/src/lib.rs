@@ -80,6 +80,35 @@ impl Dataset {
         }
     }
 
+    /// The data set without the rows at some places: what lies before and after such rows in an
+    /// episode are episodes of their own.
+    #[must_use]
+    pub fn without(self, left_out: impl Fn([f32; 2]) -> bool) -> Self {
+        let keep: Vec<bool> = (0..self.len())
+            .map(|row| !left_out(self.place(row)))
+            .collect();
+        let mut kept = Self::default();
+        for episode in &self.episodes {
+            let mut start = None;
+            for row in episode.clone() {
+                if keep[row] {
+                    start.get_or_insert(kept.len());
+                    kept.observations.extend_from_slice(self.observation(row));
+                    kept.actions.extend_from_slice(self.action(row));
+                    kept.rewards.push(self.rewards[row]);
+                    kept.terminals.push(self.terminals[row]);
+                    kept.goals.extend(self.goals.get(row));
+                } else if let Some(start) = start.take() {
+                    kept.episodes.push(start..kept.len());
+                }
+            }
+            if let Some(start) = start {
+                kept.episodes.push(start..kept.len());
+            }
+        }
+        kept
+    }
+
     /// Rows.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -255,6 +284,20 @@ mod tests {
         made::sound(&last);
         assert_eq!(data.select(0..3), data);
         assert_eq!(data.select(1..1), Dataset::default());
+    }
+
+    #[test]
+    fn what_is_left_out_cuts_episodes() {
+        let data = made::along(&[
+            &[[0.0; 2], [5.0, 0.0], [1.0, 0.0], [1.0, 0.0]],
+            &[[5.0, 0.0], [2.0, 0.0]],
+            &[[5.0, 0.0]],
+        ]);
+        let kept = data.clone().without(|[x, _]| x > 4.0);
+        assert_eq!(kept.episodes, [0..1, 1..3, 3..4]);
+        assert_eq!(kept.observation(1), data.observation(2));
+        made::sound(&kept);
+        assert_eq!(data.clone().without(|_| false), data);
     }
 
     #[test]

@@ -8,9 +8,9 @@ use std::path::Path;
 use crate::{Edge, Graph, MAX_OUT_DEGREE};
 
 const MAGIC: &[u8; 8] = b"FORMICAG";
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 const HEADER: usize = 8 + 4 + 8 + 3 * 4;
-const EDGE: usize = 20;
+const EDGE: usize = 32;
 /// Places farther out (m) are damage: lines between them are looked at step by step.
 const FARTHEST: f32 = 1e5;
 /// Counts beyond these are damage, not graphs.
@@ -46,7 +46,7 @@ pub enum GraphError {
 /// Bytes that a graph of `nodes` nodes can come to need.
 #[must_use]
 pub fn max_bytes(nodes: usize, latent_dim: usize) -> usize {
-    let row = 4 * latent_dim + 8 + 4 + EDGE * nodes.min(MAX_OUT_DEGREE);
+    let row = 4 * latent_dim + 8 + 4 + 4 + EDGE * nodes.min(MAX_OUT_DEGREE);
     HEADER + nodes * row + 4
 }
 
@@ -68,6 +68,17 @@ impl Cursor<'_> {
     }
 }
 
+fn floats_of(edge: &Edge) -> [f32; 6] {
+    [
+        edge.mean_steps,
+        edge.least_steps,
+        edge.reachability,
+        edge.tried,
+        edge.reached,
+        edge.rollout_steps,
+    ]
+}
+
 impl Graph {
     /// The graph as bytes.
     #[must_use]
@@ -79,15 +90,16 @@ impl Graph {
         for count in [self.latent_dim, self.len(), self.edges.len()] {
             bytes.extend((count as u32).to_le_bytes());
         }
+        bytes.extend(self.ids.iter().flat_map(|id| id.to_le_bytes()));
         let floats = self.latents.iter().chain(self.places.iter().flatten());
         bytes.extend(floats.flat_map(|value| value.to_le_bytes()));
         bytes.extend(self.offsets.iter().flat_map(|offset| offset.to_le_bytes()));
         for edge in &self.edges {
             bytes.extend(edge.to.to_le_bytes());
             bytes.extend(edge.count.to_le_bytes());
-            bytes.extend(edge.mean_steps.to_le_bytes());
-            bytes.extend(edge.tried.to_le_bytes());
-            bytes.extend(edge.reached.to_le_bytes());
+            for value in floats_of(edge) {
+                bytes.extend(value.to_le_bytes());
+            }
         }
         bytes
     }
@@ -113,7 +125,7 @@ impl Graph {
         if dim == 0 || dim > 4096 || nodes > MOST || edges > MOST {
             return Err(GraphError::Damaged("counts"));
         }
-        let expected = HEADER + nodes * (4 * dim + 8) + 4 * (nodes + 1) + EDGE * edges;
+        let expected = HEADER + nodes * (4 + 4 * dim + 8) + 4 * (nodes + 1) + EDGE * edges;
         if bytes.len() != expected {
             return Err(GraphError::Length {
                 expected,
@@ -121,6 +133,9 @@ impl Graph {
             });
         }
         let read = |cursor: &mut Cursor<'_>| -> Option<Self> {
+            let ids = (0..nodes)
+                .map(|_| cursor.u32())
+                .collect::<Option<Vec<_>>>()?;
             let latents = (0..nodes * dim)
                 .map(|_| cursor.f32())
                 .collect::<Option<Vec<_>>>()?;
@@ -135,8 +150,11 @@ impl Graph {
                     to: cursor.u32()?,
                     count: cursor.u32()?,
                     mean_steps: cursor.f32()?,
-                    tried: cursor.u32()?,
-                    reached: cursor.u32()?,
+                    least_steps: cursor.f32()?,
+                    reachability: cursor.f32()?,
+                    tried: cursor.f32()?,
+                    reached: cursor.f32()?,
+                    rollout_steps: cursor.f32()?,
                 })
             };
             let edges = (0..edges).map(edge).collect::<Option<Vec<_>>>()?;
@@ -144,9 +162,11 @@ impl Graph {
             Some(Self {
                 version,
                 latent_dim: dim,
+                ids,
                 latents,
                 places,
                 offsets,
+                mean_edge_steps: crate::mean_steps(&edges),
                 edges,
             })
         };
@@ -156,6 +176,11 @@ impl Graph {
     }
 
     fn check(&self) -> Result<(), GraphError> {
+        let mut ids = self.ids.clone();
+        ids.sort_unstable();
+        if ids.windows(2).any(|pair| pair[0] == pair[1]) {
+            return Err(GraphError::Damaged("ids"));
+        }
         let floats = self.latents.iter().chain(self.places.iter().flatten());
         if !floats.copied().all(f32::is_finite) {
             return Err(GraphError::Damaged("nodes"));
@@ -175,8 +200,8 @@ impl Graph {
         }
         let good = |edge: &Edge| {
             (edge.to as usize) < self.len()
-                && edge.mean_steps.is_finite()
-                && edge.mean_steps >= 0.0
+                && floats_of(edge).iter().all(|v| v.is_finite() && *v >= 0.0)
+                && edge.reachability <= 1.0
                 && edge.reached <= edge.tried
         };
         // Rows ascend, so that an edge is there once.
@@ -237,7 +262,7 @@ mod tests {
         let path = folder.path().join("graph.bin");
         let mut graph = ring(7);
         graph.version = 9;
-        graph.record(0, 1, true);
+        graph.edges[0].tried = 2.5;
         graph.save(&path).unwrap();
         assert_eq!(Graph::load(&path).unwrap(), graph);
         assert!(graph.to_bytes().len() <= max_bytes(7, 2));

@@ -73,8 +73,9 @@ impl Graph {
             number[node] = Some(kept);
             kept += 1;
         }
-        let (mut latents, mut places, mut rows) = (vec![], vec![], vec![]);
+        let (mut ids, mut latents, mut places, mut rows) = (vec![], vec![], vec![], vec![]);
         for node in (0..self.len()).filter(|node| keep(*node)) {
+            ids.push(self.ids[node]);
             latents.extend_from_slice(self.latent(node as u32));
             places.push(self.places[node]);
             let edges = self.neighbours(node as u32).iter();
@@ -88,7 +89,7 @@ impl Graph {
         }
         Self {
             version: self.version,
-            ..Self::assemble(self.latent_dim, latents, places, rows)
+            ..Self::assemble(self.latent_dim, ids, latents, places, rows)
         }
     }
 }
@@ -99,6 +100,7 @@ mod tests {
 
     use super::*;
     use crate::Edge;
+    use crate::paths::tests::edge;
 
     fn graph(n: usize, pairs: &[(usize, usize)]) -> Graph {
         let mut rows = vec![vec![]; n];
@@ -106,14 +108,17 @@ mod tests {
             if from != to && !rows[from].iter().any(|e: &Edge| e.to == to as u32) {
                 rows[from].push(Edge {
                     to: to as u32,
-                    count: 1,
-                    mean_steps: 1.0,
-                    tried: 0,
-                    reached: 0,
+                    ..edge(1.0)
                 });
             }
         }
-        Graph::assemble(1, vec![0.0; n], vec![[0.0; 2]; n], rows)
+        Graph::assemble(
+            1,
+            (0..n as u32).collect(),
+            vec![0.0; n],
+            vec![[0.0; 2]; n],
+            rows,
+        )
     }
 
     #[test]

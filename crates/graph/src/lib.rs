@@ -7,12 +7,14 @@ mod assign;
 mod bytes;
 mod components;
 pub mod kmeans;
+mod knowledge;
 mod paths;
-mod segments;
+mod pool;
 mod states;
 
 pub use bytes::{GraphError, max_bytes};
-pub use segments::{EdgeRule, Segments, build};
+pub use knowledge::Knowledge;
+pub use pool::{EdgeRule, Growth, Pool, Segments};
 pub use states::{StateRule, select};
 
 /// Out-edges of a node are at most this many; the rarest go first.
@@ -25,22 +27,27 @@ pub struct Edge {
     pub to: u32,
     /// Segments of the data that made it.
     pub count: u32,
-    /// Mean control steps from leaving the one node to entering the other.
+    /// Mean control steps from entering the one node to entering the other.
     pub mean_steps: f32,
-    /// Rollouts that tried it.
-    pub tried: u32,
-    /// Rollouts that got to its end.
-    pub reached: u32,
+    /// The least that any segment took.
+    pub least_steps: f32,
+    /// Share of the data's walks from the one node towards the other that came to it.
+    pub reachability: f32,
+    /// Rollouts that tried it, of the newest ones.
+    pub tried: f32,
+    /// Of those, the ones that got to its end.
+    pub reached: f32,
+    /// Mean control steps that these took from the choice to its end.
+    pub rollout_steps: f32,
 }
-
-/// Successes that an untried edge is credited with: as many tries count as having worked.
-const PRIOR: f32 = 4.0;
 
 /// Nodes with latents and places, and directed edges in rows by their origin.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Graph {
     /// Counts the graph's versions from 1.
     pub version: u64,
+    /// What each node is called through all versions of the graph.
+    pub ids: Vec<u32>,
     /// Width of a latent.
     pub latent_dim: usize,
     /// Latents `[nodes, latent_dim]`.
@@ -51,6 +58,8 @@ pub struct Graph {
     pub offsets: Vec<u32>,
     /// All edges.
     pub edges: Vec<Edge>,
+    /// Mean control steps of all edges, in the data.
+    pub mean_edge_steps: f32,
 }
 
 impl Graph {
@@ -97,31 +106,20 @@ impl Graph {
         self.neighbours(from).iter().find(|edge| edge.to == to)
     }
 
-    /// Books a rollout's try of an edge; false for an edge that is not there.
-    pub fn record(&mut self, from: u32, to: u32, reached: bool) -> bool {
-        let row = self.row(from);
-        match self.edges[row].iter_mut().find(|edge| edge.to == to) {
-            Some(edge) => {
-                edge.tried = edge.tried.saturating_add(1);
-                edge.reached = edge.reached.saturating_add(u32::from(reached));
-                true
-            }
-            None => false,
-        }
+    /// Place of a node's first edge in [`edges`](Self::edges).
+    #[must_use]
+    pub fn first_edge(&self, node: u32) -> usize {
+        self.row(node).start
     }
 
-    /// How likely an edge leads where it should: the mean of a Beta posterior whose prior counts
-    /// four successes, so that an untried edge is trusted and two failures already tell.
+    /// A hash of the nodes' ids (FNV-1a): versions of one structure have the same nodes in the
+    /// same order, and a policy over the nodes of one serves the other.
     #[must_use]
-    pub fn reliability(&self, edge: &Edge) -> f32 {
-        (edge.reached as f32 + PRIOR) / (edge.tried as f32 + PRIOR)
-    }
-
-    /// Mean control steps of all edges.
-    #[must_use]
-    pub fn mean_edge_steps(&self) -> f32 {
-        let sum: f32 = self.edges.iter().map(|edge| edge.mean_steps).sum();
-        sum / self.edges.len().max(1) as f32
+    pub fn structure(&self) -> u64 {
+        let bytes = self.ids.iter().flat_map(|id| id.to_le_bytes());
+        bytes.fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        })
     }
 
     /// The node whose latent is nearest.
@@ -129,16 +127,6 @@ impl Graph {
     pub fn nearest(&self, latent: &[f32]) -> Option<u32> {
         (latent.len() == self.latent_dim && !self.is_empty())
             .then(|| kmeans::nearest(&self.latents, self.latent_dim, latent).0)
-    }
-
-    /// The node whose place is nearest (m); none in an empty graph.
-    #[must_use]
-    pub fn nearest_place(&self, place: [f32; 2]) -> Option<u32> {
-        let distance = |node: &[f32; 2]| (node[0] - place[0]).hypot(node[1] - place[1]);
-        (0..self.len() as u32).min_by(|a, b| {
-            let of = |node: u32| distance(&self.places[node as usize]);
-            of(*a).total_cmp(&of(*b))
-        })
     }
 
     /// Share of places that have a node within `radius` (m).
@@ -174,6 +162,7 @@ impl Graph {
     /// Assembles rows of edges; the most frequent [`MAX_OUT_DEGREE`] of each node stay.
     fn assemble(
         latent_dim: usize,
+        ids: Vec<u32>,
         latents: Vec<f32>,
         places: Vec<[f32; 2]>,
         mut rows: Vec<Vec<Edge>>,
@@ -190,12 +179,19 @@ impl Graph {
         Self {
             version: 1,
             latent_dim,
+            ids,
             latents,
             places,
             offsets,
+            mean_edge_steps: mean_steps(&edges),
             edges,
         }
     }
+}
+
+fn mean_steps(edges: &[Edge]) -> f32 {
+    let sum: f32 = edges.iter().map(|edge| edge.mean_steps).sum();
+    sum / edges.len().max(1) as f32
 }
 
 #[cfg(test)]
@@ -203,13 +199,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reliability_starts_at_one_and_falls_with_failures() {
+    fn the_structure_is_that_of_the_nodes_alone() {
         let mut graph = paths::tests::ring(4);
-        let trust = |graph: &Graph| graph.reliability(graph.edge(0, 1).unwrap());
-        assert_eq!(trust(&graph), 1.0);
-        assert!(graph.record(0, 1, false) && graph.record(0, 1, false));
-        assert!((trust(&graph) - 4.0 / 6.0).abs() < 1e-6);
-        assert!(!graph.record(0, 3, true));
+        let before = graph.structure();
+        graph.edges[0].tried = 9.0;
+        graph.version = 7;
+        assert_eq!(graph.structure(), before);
+        graph.ids[2] = 9;
+        assert_ne!(graph.structure(), before);
     }
 
     #[test]
@@ -219,7 +216,6 @@ mod tests {
         // A wall in the middle of the first edge's line.
         let wall = |p: [f32; 2]| (p[0] - 2.0).abs() < 0.5 && p[1] < 1.0;
         assert_eq!(graph.edges_through_walls(wall), 1);
-        assert_eq!(graph.nearest_place([3.0, 3.5]), Some(2));
         assert_eq!(graph.coverage(&[[0.1, 0.0], [2.0, 2.0]], 0.5), 0.5);
     }
 }

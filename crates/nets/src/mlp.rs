@@ -35,8 +35,8 @@ pub struct Mlp {
     parameters: usize,
 }
 
-/// Buffers of one network for a largest batch, allocated once.
-#[derive(Debug, Clone)]
+/// Buffers of one network for a largest batch, allocated once. The default holds no batch.
+#[derive(Debug, Clone, Default)]
 pub struct Workspace {
     capacity: usize,
     /// Per hidden layer: slope of the activation, then its gradient.
@@ -140,6 +140,42 @@ impl Mlp {
             }
         }
         parameters
+    }
+
+    /// The same network with another number of outputs.
+    #[must_use]
+    pub fn with_outputs(&self, outputs: usize) -> Self {
+        let mut layers = self.layers.clone();
+        let mut parameters = self.parameters;
+        if let Some(last) = layers.last_mut() {
+            last.outputs = outputs;
+            last.bias = last.weights + last.inputs * outputs;
+            parameters = last.bias + outputs;
+        }
+        Self {
+            layers,
+            activation: self.activation,
+            parameters,
+        }
+    }
+
+    /// Parameters for [`with_outputs`](Self::with_outputs): output `j` is a copy of output
+    /// `sources[j]`. Of an optimiser's moments as well.
+    ///
+    /// # Panics
+    /// When a source is no output, or the values are not this network's: a fault of the caller.
+    #[must_use]
+    pub fn take_outputs(&self, values: &[f32], sources: &[usize]) -> Vec<f32> {
+        let Some(last) = self.layers.last() else {
+            return vec![];
+        };
+        let mut taken = values[..last.weights].to_vec();
+        for column in values[last.weights..last.bias].chunks_exact(last.outputs.max(1)) {
+            taken.extend(sources.iter().map(|source| column[*source]));
+        }
+        let bias = &values[last.bias..last.bias + last.outputs];
+        taken.extend(sources.iter().map(|source| bias[*source]));
+        taken
     }
 
     /// Buffers for batches of up to `capacity` samples.
@@ -396,6 +432,28 @@ mod tests {
             .enumerate()
             .map(|(i, y)| 0.5 * (1.0 + 0.1 * (i % 7) as f64) * f64::from(*y).powi(2))
             .sum()
+    }
+
+    #[test]
+    fn outputs_are_taken_in_any_order_and_number() {
+        let mut rng = Pcg64Mcg::seed_from_u64(4);
+        let mlp = Mlp::new(&[3, 5, 4], Activation::Gelu, true);
+        let mut parameters = mlp.init(&mut rng, 1.0);
+        let bias = parameters.len() - 4;
+        (0..4).for_each(|i| parameters[bias + i] = i as f32);
+        let sources = [2, 0, 0, 3, 1];
+        let wider = mlp.with_outputs(5);
+        let taken = mlp.take_outputs(&parameters, &sources);
+        assert_eq!(taken.len(), wider.parameters());
+        let input = [0.3, -0.7, 1.1];
+        let old = mlp
+            .infer(&parameters, &input, 1, &mut mlp.workspace(1))
+            .to_vec();
+        let mut workspace = wider.workspace(1);
+        let new = wider.infer(&taken, &input, 1, &mut workspace);
+        for (value, source) in new.iter().zip(sources) {
+            assert!((value - old[source]).abs() < 1e-6);
+        }
     }
 
     #[test]

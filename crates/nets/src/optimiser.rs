@@ -53,6 +53,12 @@ impl Adam {
             rates,
         );
     }
+
+    /// Replaces both moments, where parameters were moved about.
+    pub fn map_moments(&mut self, map: impl Fn(&[f32]) -> Vec<f32>) {
+        self.first = map(&self.first);
+        self.second = map(&self.second);
+    }
 }
 
 /// Scales a gradient to a norm of at most `max`; returns the norm before.

@@ -20,6 +20,7 @@ mod domain;
 mod latest;
 mod records;
 mod reports;
+mod round;
 mod trajectories;
 
 pub use bus::{Bus, Limits, Waker, shared_memory_available};
@@ -33,6 +34,7 @@ pub use records::{
     OBSERVATION, Phase, Reader, Role, State, Status, TrajectoryHeader, Transition, flags,
 };
 pub use reports::{ReportReader, Reporter};
+pub use round::{Rounds, Trajectory};
 pub use trajectories::{Counts, Drained, SourceCounts, TrajectoryReceiver, TrajectorySender};
 
 /// Why a channel could not be used.

@@ -4,7 +4,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Version of all records; processes of another one are refused.
-pub const LAYOUT: u32 = 1;
+pub const LAYOUT: u32 = 2;
 /// Width of an observation.
 pub const OBSERVATION: usize = 29;
 /// Width of an action.
@@ -32,6 +32,8 @@ pub mod flags {
     pub const FINAL: u32 = 64;
     /// The episode's goal was reached by this step.
     pub const SUCCESS: u32 = 128;
+    /// A step of a test: nothing is to be learned from its choices.
+    pub const TEST: u32 = 256;
 }
 
 /// One control step.
@@ -131,6 +133,10 @@ pub struct TrajectoryHeader {
     pub weights_version: u64,
     /// Version of the graph that was walked.
     pub graph_version: u64,
+    /// The round of a deterministic run, 0 outside of rounds.
+    pub round: u32,
+    /// Zero.
+    pub reserved: u32,
 }
 
 #[repr(C)]
@@ -210,10 +216,12 @@ pub(crate) struct SnapshotHeader {
 pub enum Phase {
     /// Learn; actors make rollouts as soon as they can.
     Train = 0,
-    /// Weights are final: actors run the evaluation's episodes.
-    Evaluate = 1,
+    /// The graph is final, then the weights on it.
+    Settle = 1,
+    /// All is final: actors run the evaluation's episodes.
+    Evaluate = 2,
     /// All is done: drain, save, leave.
-    Finish = 2,
+    Finish = 3,
 }
 
 /// The launcher's word to all; the latest one counts.
@@ -223,15 +231,20 @@ pub enum Phase {
 pub struct Directive {
     /// A [`Phase`].
     pub phase: u32,
-    /// Evaluation episodes asked for.
+    /// Episodes asked for, of the evaluation or of the round.
     pub episodes: u32,
-    /// Weights version (of every module) and graph version of the evaluation are at least these.
+    /// The round of a deterministic run; 0 before the first.
+    pub round: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Versions of weights and graph that the episodes are played with are at least these. While
+    /// settling, the graph's final version, once it is known.
     pub low_version: u64,
     /// See `low_version`.
     pub high_version: u64,
     /// See `low_version`.
     pub graph_version: u64,
-    /// Bit per evaluation episode that is done.
+    /// Bit per episode that is done.
     pub done: [u64; MAX_EPISODES / 64],
 }
 
@@ -240,6 +253,8 @@ impl Default for Directive {
         Self {
             phase: Phase::Train as u32,
             episodes: 0,
+            round: 0,
+            reserved: 0,
             low_version: 0,
             high_version: 0,
             graph_version: 0,
@@ -254,12 +269,13 @@ impl Directive {
     pub fn phase(&self) -> Phase {
         match self.phase {
             0 => Phase::Train,
-            1 => Phase::Evaluate,
+            1 => Phase::Settle,
+            2 => Phase::Evaluate,
             _ => Phase::Finish,
         }
     }
 
-    /// Whether an evaluation episode is done.
+    /// Whether an episode is done.
     #[must_use]
     pub fn is_done(&self, episode: u32) -> bool {
         let word = self
@@ -270,7 +286,7 @@ impl Directive {
         word >> (episode % 64) & 1 == 1
     }
 
-    /// Marks an evaluation episode as done.
+    /// Marks an episode as done.
     pub fn mark_done(&mut self, episode: u32) {
         if let Some(word) = self.done.get_mut(episode as usize / 64) {
             *word |= 1 << (episode % 64);
@@ -320,8 +336,10 @@ pub enum State {
     Working = 2,
     /// Its part of the training is done.
     Trained = 3,
+    /// What it published last is final.
+    Settled = 4,
     /// All is done and acknowledged.
-    Finished = 4,
+    Finished = 5,
 }
 
 /// A process's pulse; sent at least once a second.
@@ -337,6 +355,10 @@ pub struct Status {
     pub pid: u32,
     /// A [`State`].
     pub state: u32,
+    /// Rounds of a deterministic run that are learned from.
+    pub round: u32,
+    /// Zero.
+    pub reserved: u32,
     /// Control steps simulated.
     pub steps: u64,
     /// Transitions sent.
@@ -366,6 +388,8 @@ impl Default for Status {
             id: 0,
             pid: std::process::id(),
             state: State::Starting as u32,
+            round: 0,
+            reserved: 0,
             steps: 0,
             sent: 0,
             received: 0,
@@ -430,15 +454,17 @@ impl Metric {
     }
 }
 
-/// How an evaluation episode went.
+/// How an episode of the evaluation or of a round went.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
 #[type_name("formica.EpisodeResult")]
 pub struct EpisodeResult {
     /// The actor.
     pub actor: u32,
-    /// The episode's number in the evaluation.
+    /// The episode's number in the evaluation or the round.
     pub episode: u32,
+    /// The round, 0 for the evaluation.
+    pub round: u32,
     /// 1 when the goal was reached.
     pub success: u32,
     /// 1 when the ant lay on its back at the end.

@@ -1,0 +1,604 @@
+//! All nodes and ways that were ever seen: what the versions of a graph are made from.
+//!
+//! Edges come from segments of trajectories, of the data first and of rollouts later. A node
+//! keeps its id for good, so that what is known of it outlives each version of the graph.
+
+use std::collections::{HashMap, VecDeque};
+use std::ops::Range;
+
+use rand::{Rng, RngExt};
+
+use crate::assign::squared;
+use crate::{Edge, Graph, kmeans};
+
+/// When segments make an edge, and when rollouts unmake it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EdgeRule {
+    /// Control steps of a segment (c).
+    pub lag: usize,
+    /// Segments needed.
+    pub min_count: usize,
+    /// Trajectories needed.
+    pub min_trajectories: usize,
+    /// Rollouts reach its end less often than this share of its tries: the edge is dropped. Zero
+    /// keeps every edge.
+    pub least_success: f32,
+}
+
+/// Tries before an edge can be dropped.
+const DROP_TRIES: f32 = 8.0;
+/// Newest tries that count: what an earlier low level could not do is forgotten.
+const MEMORY: f32 = 32.0;
+/// Control steps over which a heading is taken.
+const HEADING: usize = 3;
+/// Cosine of the angle within which a walk goes towards a node: 30 degrees.
+const TOWARDS: f32 = 0.866;
+/// Walks that came to the end, granted to every edge.
+const GRANTED: f32 = 2.0;
+
+/// Trajectories that ways come from.
+pub struct Segments<'a> {
+    /// Latent of each row, `[n, dim]`.
+    pub latents: &'a [f32],
+    /// Place of each row (m).
+    pub places: &'a [[f32; 2]],
+    /// Rows of each trajectory.
+    pub episodes: &'a [Range<usize>],
+    /// Names each of them: pieces of one trajectory have one name.
+    pub names: &'a dyn Fn(usize) -> u64,
+    /// Rows that count: where the ant is upright.
+    pub usable: &'a dyn Fn(usize) -> bool,
+}
+
+/// When nodes are added.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Growth {
+    /// A state farther from every node than this latent distance is at a new place.
+    pub radius: f32,
+    /// Such states within that distance of each other that make a node.
+    pub min_states: usize,
+    /// Trajectories that they come from.
+    pub min_trajectories: usize,
+    /// Nodes at most.
+    pub max_nodes: usize,
+}
+
+/// States at new places that are kept, the newest.
+const FAR_KEPT: usize = 2048;
+
+/// A state at a new place.
+#[derive(Debug, Clone)]
+struct Far {
+    latent: Vec<f32>,
+    place: [f32; 2],
+    trajectory: u64,
+}
+
+/// What is known of the way between two nodes.
+#[derive(Debug, Clone, Default)]
+struct Way {
+    /// Segments that begin in the one node and end in the other.
+    count: u32,
+    last_trajectory: Option<u64>,
+    trajectories: usize,
+    /// Walks from entering the one node to entering the other, and their control steps.
+    walks: u32,
+    steps: u64,
+    least_steps: Option<u64>,
+    /// Walks from the one node towards the other, and those that came to it.
+    aimed: u32,
+    hit: u32,
+    tried: f32,
+    reached: f32,
+    rollout_steps: f32,
+}
+
+/// Nodes, by id, and the ways between them.
+#[derive(Debug, Clone)]
+pub struct Pool {
+    dim: usize,
+    rule: EdgeRule,
+    latents: Vec<f32>,
+    /// Sum of places of a node's states, and their number.
+    places: Vec<[f64; 2]>,
+    members: Vec<u32>,
+    ways: HashMap<(u32, u32), Way>,
+    growth: Option<Growth>,
+    far: VecDeque<Far>,
+    version: u64,
+}
+
+impl Pool {
+    /// Nodes at `centroids` (`[k, dim]`), without any way.
+    #[must_use]
+    pub fn new(dim: usize, centroids: Vec<f32>, rule: EdgeRule) -> Self {
+        let nodes = centroids.len() / dim.max(1);
+        Self {
+            dim,
+            rule,
+            latents: centroids,
+            places: vec![[0.0; 2]; nodes],
+            members: vec![0; nodes],
+            ways: HashMap::new(),
+            growth: None,
+            far: VecDeque::new(),
+            version: 0,
+        }
+    }
+
+    /// From now on, states at new places are remembered, and [`renew`](Self::renew) makes nodes
+    /// of them.
+    pub fn let_grow(&mut self, growth: Growth) {
+        self.growth = Some(growth);
+    }
+
+    /// Number of nodes, those that no version holds among them.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Whether there is no node.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.members.is_empty()
+    }
+
+    fn nearest(&self, data: &Segments<'_>) -> (Vec<u32>, Vec<f32>) {
+        let n = data.places.len().min(data.latents.len() / self.dim.max(1));
+        let (mut nodes, mut distances) = (vec![0_u32; n], vec![0.0; n]);
+        kmeans::assign(
+            data.latents,
+            self.dim,
+            &self.latents,
+            &mut nodes,
+            &mut distances,
+        );
+        (nodes, distances)
+    }
+
+    /// Takes in trajectories: every segment (s_t .. s_{t+lag}) of one whose ends lie in different
+    /// nodes is a way between these.
+    pub fn add(&mut self, data: &Segments<'_>) {
+        if self.is_empty() {
+            return;
+        }
+        let (nodes, distances) = self.nearest(data);
+        let n = nodes.len();
+        for (number, episode) in data.episodes.iter().enumerate() {
+            // An episode that says it is longer than the data ends with them.
+            let episode = episode.start.min(n)..episode.end.min(n);
+            let name = (data.names)(number);
+            for t in episode.clone().filter(|&t| (data.usable)(t)) {
+                self.member(nodes[t], distances[t], data, t, name);
+            }
+            for t in episode.start..episode.end.saturating_sub(self.rule.lag) {
+                let end = t + self.rule.lag;
+                if nodes[t] != nodes[end] && (data.usable)(t) && (data.usable)(end) {
+                    self.segment(nodes[t], nodes[end], name);
+                }
+            }
+            self.visits(&nodes, episode, data.usable);
+        }
+    }
+
+    /// Times from entering one node to entering another one that is at most a lag away.
+    fn visits(&mut self, nodes: &[u32], episode: Range<usize>, usable: &dyn Fn(usize) -> bool) {
+        // Node, first and last row of each visit that is not long over.
+        let mut visits: VecDeque<(u32, usize, usize)> = VecDeque::new();
+        for t in episode {
+            let node = nodes[t];
+            match visits.back_mut() {
+                Some((here, _, last)) if *here == node => *last = t,
+                _ => {
+                    let lag = self.rule.lag;
+                    visits.retain(|(_, _, last)| t - last <= lag);
+                    for &(from, start, last) in visits.iter().filter(|(from, ..)| *from != node) {
+                        if usable(last) && usable(t) {
+                            let way = self.ways.entry((from, node)).or_default();
+                            let steps = (t - start) as u64;
+                            way.walks += 1;
+                            way.steps += steps;
+                            way.least_steps =
+                                Some(way.least_steps.map_or(steps, |least| least.min(steps)));
+                        }
+                    }
+                    visits.push_back((node, t, t));
+                }
+            }
+        }
+    }
+
+    fn member(&mut self, node: u32, distance: f32, data: &Segments<'_>, t: usize, name: u64) {
+        let far = self
+            .growth
+            .as_ref()
+            .is_some_and(|growth| distance > growth.radius * growth.radius);
+        if far {
+            if self.far.len() == FAR_KEPT {
+                self.far.pop_front();
+            }
+            self.far.push_back(Far {
+                latent: data.latents[t * self.dim..(t + 1) * self.dim].to_vec(),
+                place: data.places[t],
+                trajectory: name,
+            });
+            return;
+        }
+        let node = node as usize;
+        self.members[node] = self.members[node].saturating_add(1);
+        for axis in 0..2 {
+            self.places[node][axis] += f64::from(data.places[t][axis]);
+        }
+    }
+
+    fn segment(&mut self, from: u32, to: u32, name: u64) {
+        let way = self.ways.entry((from, to)).or_default();
+        way.count = way.count.saturating_add(1);
+        if way.last_trajectory != Some(name) {
+            way.last_trajectory = Some(name);
+            way.trajectories += 1;
+        }
+    }
+
+    /// Takes from trajectories how often a walk that leaves a node towards another one comes to
+    /// it within twice the lag. To be called once their ways are [added](Self::add).
+    pub fn aim(&mut self, data: &Segments<'_>) {
+        let (nodes, _) = self.nearest(data);
+        let mut ends: Vec<Vec<u32>> = vec![vec![]; self.len()];
+        for (&(from, to), way) in &self.ways {
+            if self.is_edge(way) {
+                ends[from as usize].push(to);
+            }
+        }
+        for episode in data.episodes {
+            let episode = episode.start.min(nodes.len())..episode.end.min(nodes.len());
+            for t in episode.start..episode.end.saturating_sub(2 * self.rule.lag) {
+                let node = nodes[t];
+                if nodes[t + 1] == node || !(data.usable)(t) {
+                    continue;
+                }
+                let ahead = &nodes[t + 1..=t + 2 * self.rule.lag];
+                let heading = between(data.places[t], data.places[t + HEADING]);
+                for &to in &ends[node as usize] {
+                    let way = between(self.place(node), self.place(to));
+                    if cosine(heading, way) < TOWARDS {
+                        continue;
+                    }
+                    if let Some(way) = self.ways.get_mut(&(node, to)) {
+                        way.aimed = way.aimed.saturating_add(1);
+                        way.hit = way.hit.saturating_add(u32::from(ahead.contains(&to)));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds wrong edges between random nodes, `share` of the right ones' number, that look like
+    /// edges of the data. Returns how many.
+    pub fn add_wrong_edges(&mut self, share: f64, rng: &mut impl Rng) -> usize {
+        let edges = || self.ways.values().filter(|way| self.is_edge(way));
+        let wanted = (share * edges().count() as f64).round() as usize;
+        let walks: u64 = edges().map(|way| u64::from(way.walks)).sum();
+        let steps: u64 = edges().map(|way| way.steps).sum();
+        let steps = (steps / walks.max(1)).max(1);
+        let nodes = self.len() as u32;
+        let mut added = 0;
+        // A graph that is all but complete has no room for more.
+        for _ in 0..100 * wanted {
+            if added == wanted {
+                break;
+            }
+            let (from, to) = (rng.random_range(0..nodes), rng.random_range(0..nodes));
+            let known = self.ways.get(&(from, to));
+            if from == to || known.is_some_and(|way| self.is_edge(way)) {
+                continue;
+            }
+            let way = Way {
+                count: self.rule.min_count as u32,
+                walks: 1,
+                steps,
+                least_steps: Some(steps),
+                trajectories: self.rule.min_trajectories,
+                ..Way::default()
+            };
+            self.ways.insert((from, to), way);
+            added += 1;
+        }
+        added
+    }
+
+    /// Books what became of an edge that a rollout tried, by the ids of its nodes; false for a
+    /// way that is not known.
+    pub fn record(&mut self, from: u32, to: u32, reached: bool, steps: usize) -> bool {
+        let Some(way) = self.ways.get_mut(&(from, to)) else {
+            return false;
+        };
+        if way.tried >= MEMORY {
+            let kept = (MEMORY - 1.0) / way.tried;
+            way.tried *= kept;
+            way.reached *= kept;
+        }
+        way.tried += 1.0;
+        if reached {
+            way.reached += 1.0;
+            way.rollout_steps += (steps as f32 - way.rollout_steps) / way.reached;
+        }
+        true
+    }
+
+    /// Makes nodes of the states at new places where enough of them lie together. Returns how
+    /// many.
+    fn grow(&mut self) -> usize {
+        let Some(growth) = self.growth.clone() else {
+            return 0;
+        };
+        let mut added = 0;
+        let reach = growth.radius * growth.radius;
+        while self.len() < growth.max_nodes {
+            // Nodes that are new make some of the states near.
+            let latents = &self.latents;
+            let dim = self.dim;
+            self.far
+                .retain(|far| kmeans::nearest(latents, dim, &far.latent).1 > reach);
+            let near = |centre: &Far| -> Vec<usize> {
+                (0..self.far.len())
+                    .filter(|&i| squared(&self.far[i].latent, &centre.latent) <= reach)
+                    .collect()
+            };
+            let fullest = self
+                .far
+                .iter()
+                .map(near)
+                .max_by_key(Vec::len)
+                .filter(|near| near.len() >= growth.min_states);
+            let Some(near) = fullest else { break };
+            let mut from: Vec<u64> = near.iter().map(|&i| self.far[i].trajectory).collect();
+            from.sort_unstable();
+            from.dedup();
+            if from.len() < growth.min_trajectories {
+                break;
+            }
+            let mut centroid = vec![0.0; dim];
+            let mut place = [0.0; 2];
+            for &i in &near {
+                let far = &self.far[i];
+                for (sum, value) in centroid.iter_mut().zip(&far.latent) {
+                    *sum += value / near.len() as f32;
+                }
+                for axis in 0..2 {
+                    place[axis] += f64::from(far.place[axis]);
+                }
+            }
+            self.latents.extend(centroid);
+            self.places.push(place);
+            self.members.push(near.len() as u32);
+            added += 1;
+        }
+        added
+    }
+
+    fn is_edge(&self, way: &Way) -> bool {
+        let seen = way.count as usize >= self.rule.min_count
+            && way.trajectories >= self.rule.min_trajectories;
+        let bad = way.tried >= DROP_TRIES && way.reached < self.rule.least_success * way.tried;
+        seen && !bad
+    }
+
+    fn place(&self, node: u32) -> [f32; 2] {
+        let node = node as usize;
+        let count = f64::from(self.members[node].max(1));
+        self.places[node].map(|axis| (axis / count) as f32)
+    }
+
+    /// The next version of the graph: grown by the new places, the largest strongly connected
+    /// part of it, so that every node can be left and every other one reached. With it the share
+    /// of all nodes that it holds, and how many are new.
+    pub fn renew(&mut self) -> (Graph, f32, usize) {
+        let added = self.grow();
+        let nodes = self.len() as u32;
+        let mut rows = vec![vec![]; self.len()];
+        for (&(from, to), way) in &self.ways {
+            if self.is_edge(way) {
+                let mean = way.steps as f32 / way.walks.max(1) as f32;
+                rows[from as usize].push(Edge {
+                    to,
+                    count: way.count,
+                    mean_steps: mean,
+                    least_steps: way.least_steps.map_or(mean, |least| least as f32),
+                    reachability: (way.hit as f32 + GRANTED) / (way.aimed as f32 + GRANTED),
+                    tried: way.tried,
+                    reached: way.reached,
+                    rollout_steps: way.rollout_steps,
+                });
+            }
+        }
+        let whole = Graph::assemble(
+            self.dim,
+            (0..nodes).collect(),
+            self.latents.clone(),
+            (0..nodes).map(|node| self.place(node)).collect(),
+            rows,
+        );
+        let mut graph = whole.largest_component();
+        self.version += 1;
+        graph.version = self.version;
+        let share = graph.len() as f32 / whole.len().max(1) as f32;
+        (graph, share, added)
+    }
+}
+
+fn between(from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
+    [to[0] - from[0], to[1] - from[1]]
+}
+
+fn cosine(a: [f32; 2], b: [f32; 2]) -> f32 {
+    let lengths = a[0].hypot(a[1]) * b[0].hypot(b[1]);
+    (a[0] * b[0] + a[1] * b[1]) / lengths.max(1e-6)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    const RULE: EdgeRule = EdgeRule {
+        lag: 5,
+        min_count: 1,
+        min_trajectories: 1,
+        least_success: 0.0,
+    };
+
+    /// Rows on a line, one latent per metre.
+    fn add(pool: &mut Pool, xs: &[f32], episodes: &[Range<usize>]) {
+        let places: Vec<[f32; 2]> = xs.iter().map(|x| [*x, 0.0]).collect();
+        let data = Segments {
+            latents: xs,
+            places: &places,
+            episodes,
+            names: &|number| number as u64,
+            usable: &|_| true,
+        };
+        pool.add(&data);
+        pool.aim(&data);
+    }
+
+    /// From 0 to `end` metres and back, 0.1 m a step.
+    fn there_and_back(end: usize) -> Vec<f32> {
+        (0..=10 * end)
+            .chain((0..10 * end).rev())
+            .map(|i| i as f32 * 0.1)
+            .collect()
+    }
+
+    #[test]
+    fn a_walk_there_and_back_links_its_nodes() {
+        let mut pool = Pool::new(1, vec![0.0, 1.0, 2.0], RULE);
+        let xs = there_and_back(2);
+        add(&mut pool, &xs, &[0..xs.len()]);
+        let (graph, share, added) = pool.renew();
+        assert_eq!((graph.len(), share, added), (3, 1.0, 0));
+        assert!(graph.edge(0, 1).is_some() && graph.edge(1, 0).is_some());
+        assert!(graph.edge(0, 2).is_none(), "too far for a segment");
+        let edge = graph.edge(0, 1).unwrap();
+        // In node 0 at rows 0 to 5, in node 1 from row 6 on.
+        assert_eq!((edge.mean_steps, edge.least_steps), (6.0, 6.0));
+        assert_eq!(edge.reachability, 1.0);
+        assert!((graph.places[1][0] - 1.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn segments_never_cross_an_episodes_end() {
+        let xs = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0];
+        let edges = |episodes: &[Range<usize>]| {
+            let mut pool = Pool::new(1, vec![0.0, 1.0], EdgeRule { lag: 1, ..RULE });
+            add(&mut pool, &xs, episodes);
+            pool.renew().0.edges.len()
+        };
+        assert_eq!(edges(&[0..6]), 2);
+        assert_eq!(edges(&[0..2, 2..4, 4..6]), 0);
+    }
+
+    #[test]
+    fn tries_count_and_old_ones_are_forgotten() {
+        let mut pool = Pool::new(1, vec![0.0, 1.0], RULE);
+        let xs = there_and_back(1);
+        add(&mut pool, &xs, &[0..xs.len()]);
+        assert!(pool.record(0, 1, true, 4) && pool.record(0, 1, true, 6));
+        assert!(!pool.record(0, 7, true, 4), "no such way");
+        let edge = *pool.renew().0.edge(0, 1).unwrap();
+        assert_eq!(
+            (edge.tried, edge.reached, edge.rollout_steps),
+            (2.0, 2.0, 5.0)
+        );
+        for _ in 0..200 {
+            pool.record(0, 1, false, 40);
+        }
+        let edge = *pool.renew().0.edge(0, 1).unwrap();
+        assert!(edge.tried <= MEMORY && edge.reached < 0.01, "{edge:?}");
+    }
+
+    #[test]
+    fn an_edge_that_fails_is_dropped_where_the_rule_says_so() {
+        for (least_success, nodes) in [(0.0, 3), (0.1, 2)] {
+            let mut pool = Pool::new(
+                1,
+                vec![0.0, 1.0, 2.0],
+                EdgeRule {
+                    least_success,
+                    ..RULE
+                },
+            );
+            let xs = there_and_back(2);
+            add(&mut pool, &xs, &[0..xs.len()]);
+            (0..9).for_each(|_| assert!(pool.record(1, 2, false, 40)));
+            let (graph, ..) = pool.renew();
+            assert_eq!(graph.len(), nodes, "node 2 cannot be reached any more");
+        }
+    }
+
+    #[test]
+    fn states_at_new_places_become_nodes_and_old_ids_stay() {
+        let mut pool = Pool::new(1, vec![0.0, 1.0], RULE);
+        let xs = there_and_back(1);
+        add(&mut pool, &xs, &[0..xs.len()]);
+        let before = pool.renew().0;
+        pool.let_grow(Growth {
+            radius: 0.6,
+            min_states: 3,
+            min_trajectories: 2,
+            max_nodes: 4,
+        });
+        let xs = there_and_back(6);
+        add(&mut pool, &xs, &[0..xs.len()]);
+        assert_eq!(pool.renew().2, 0, "one trajectory is not enough");
+        let twice = [xs.clone(), xs.clone()].concat();
+        let episodes = [0..xs.len(), xs.len()..2 * xs.len()];
+        add(&mut pool, &twice, &episodes);
+        let (_, _, added) = pool.renew();
+        assert_eq!(added, 2, "up to max_nodes");
+        add(&mut pool, &twice, &episodes);
+        let (graph, share, _) = pool.renew();
+        assert_eq!((graph.len(), share), (4, 1.0));
+        assert_eq!(graph.ids[..2], before.ids[..]);
+        assert_ne!(graph.structure(), before.structure());
+        assert_eq!(graph.version, 5);
+    }
+
+    #[test]
+    fn wrong_edges_are_as_many_as_asked_for() {
+        let mut pool = Pool::new(1, (0..10).map(|i| i as f32).collect(), RULE);
+        let xs = there_and_back(9);
+        add(&mut pool, &xs, &[0..xs.len()]);
+        let right = pool.renew().0.edges.len();
+        let mut rng = Pcg64Mcg::seed_from_u64(0);
+        let added = pool.add_wrong_edges(0.5, &mut rng);
+        assert_eq!(added, right.div_ceil(2));
+        assert_eq!(pool.renew().0.edges.len(), right + added);
+    }
+
+    proptest! {
+        #[test]
+        fn every_node_of_a_graph_reaches_every_other(
+            xs in proptest::collection::vec(0.0_f32..6.0, 30..120), cut in 5..25_usize,
+        ) {
+            let centroids = vec![0.5, 1.5, 2.5, 3.5, 4.5, 5.5];
+            let mut pool = Pool::new(1, centroids, EdgeRule { lag: 2, ..RULE });
+            add(&mut pool, &xs, &[0..cut, cut..xs.len()]);
+            let (graph, ..) = pool.renew();
+            prop_assert_eq!(graph.offsets.len(), graph.len() + 1);
+            prop_assert_eq!(graph.offsets[graph.len()] as usize, graph.edges.len());
+            for edge in &graph.edges {
+                prop_assert!((0.0..=1.0).contains(&edge.reachability));
+                prop_assert!(edge.least_steps <= edge.mean_steps);
+            }
+            for goal in 0..graph.len() as u32 {
+                let distances = graph.distances_to(goal, |_| 1.0);
+                prop_assert!(distances.iter().all(|d| d.is_finite()));
+            }
+        }
+    }
+}
