@@ -28,7 +28,11 @@ pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
     let percent = |name: &str| 100.0 * get(name);
     let mut text = String::new();
     let mut line = |stage: &str, seconds: f64, told: String| {
-        let _ = writeln!(text, "{stage:<9}{seconds:>6.0} s  {told}");
+        let seconds = match seconds.is_finite() {
+            true => format!("{seconds:.0} s"),
+            false => "-".to_owned(),
+        };
+        let _ = writeln!(text, "{stage:<9}{seconds:>8}  {told}");
     };
     line(
         "data",
@@ -42,6 +46,7 @@ pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
     );
     let encoder = match config.encoder.kind {
         Latent::Place => "latents are the places".to_owned(),
+        Latent::Vae if config.encoder.from.is_some() => "of another run".to_owned(),
         Latent::Vae => format!(
             "places come back within {:.2} m, reconstruction {:.4}, KL {:.2} nats",
             get("encoder/place_error_m"),
@@ -66,6 +71,7 @@ pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
     );
     let low = match config.low.controller {
         Controller::Walker => "the walker walks; ".to_owned(),
+        Controller::Learned if config.low.from.is_some() => "of another run; ".to_owned(),
         Controller::Learned => format!(
             "policy loss {:.3}, mean weight {:.2}; ",
             get("low/policy_loss"),

@@ -127,6 +127,9 @@ struct Choice {
     subgoal: u32,
     log_prob: f32,
     reward: f32,
+    /// In edges of mean length: what takes longer is discounted by more, or else walks that
+    /// dither on short edges would look cheap.
+    duration: f32,
     end: End,
 }
 
@@ -264,6 +267,7 @@ impl High {
                 subgoal: c.subgoal,
                 log_prob: c.log_prob,
                 reward: reward(&self.settings, graph, c.steps as f32, c.arrived),
+                duration: duration(graph, c.steps as f32),
                 end: if c.arrived {
                     End::Terminal
                 } else if i + 1 == choices.len() {
@@ -305,12 +309,13 @@ impl High {
         let final_values = self.values(graph, &batch.finals);
         let rewards: Vec<f32> = batch.choices.iter().map(|c| c.reward).collect();
         let ends: Vec<End> = batch.choices.iter().map(|c| c.end).collect();
+        let durations: Vec<f32> = batch.choices.iter().map(|c| c.duration).collect();
         let mut estimate = ppo::Estimate::default();
         ppo::estimate(
             &self.settings.ppo,
             &batch.records,
             (&values, &final_values),
-            (&rewards, &ends),
+            (&rewards, &ends, Some(&durations)),
             &mut estimate,
         );
         let settings = self.settings.ppo.clone();
@@ -391,6 +396,7 @@ impl High {
                     subgoal: edge.to,
                     log_prob: masked.log_prob(picked),
                     reward: reward(&self.settings, graph, steps, arrived),
+                    duration: duration(graph, steps),
                     end: if arrived {
                         End::Terminal
                     } else if out_of_time {
@@ -576,12 +582,17 @@ struct Scratch {
 /// Reward of one choice: the cost of its steps, as many as an edge's mean ones cost one edge, and
 /// the arrival's gain.
 fn reward(settings: &Settings, graph: &Graph, steps: f32, arrived: bool) -> f32 {
-    let cost = settings.edge_cost * steps / graph.mean_edge_steps.max(1.0);
+    let cost = settings.edge_cost * duration(graph, steps);
     if arrived {
         settings.arrival_reward - cost
     } else {
         -cost
     }
+}
+
+/// Control steps in edges of mean length.
+fn duration(graph: &Graph, steps: f32) -> f32 {
+    steps / graph.mean_edge_steps.max(1.0)
 }
 
 fn new_walk(nodes: usize, rng: &mut impl Rng) -> Walk {

@@ -85,13 +85,13 @@ pub enum End {
 /// Generalised advantage estimates of one sequence of steps.
 ///
 /// `next_values[t]` is the value of the state after step `t`, read where the step does not end
-/// the episode. Advantages are written to `advantages`; returns are `advantages + values`.
+/// the episode; `discount` is that of a step. Advantages are written to `advantages`; returns are `advantages + values`.
 pub fn advantages(
     rewards: &[f32],
     values: &[f32],
     next_values: &[f32],
     ends: &[End],
-    discount: f32,
+    discount: impl Fn(usize) -> f32,
     lambda: f32,
     advantages: &mut [f32],
 ) {
@@ -100,13 +100,13 @@ pub fn advantages(
         let next = if ends[t] == End::Terminal {
             0.0
         } else {
-            discount * next_values[t]
+            discount(t) * next_values[t]
         };
         let delta = rewards[t] + next - values[t];
         if ends[t] != End::Not {
             following = 0.0;
         }
-        following = delta + discount * lambda * following;
+        following = delta + discount(t) * lambda * following;
         advantages[t] = following;
     }
 }
@@ -123,12 +123,13 @@ pub struct Estimate {
 }
 
 /// Advantages and returns of records of `lengths` steps; `final_values` are those of the states
-/// that follow each record's last step.
+/// that follow each record's last step. Steps that last longer than others are discounted by more:
+/// `durations` are theirs in units of the discount, one each where there are none.
 pub fn estimate(
     settings: &Settings,
     lengths: &[usize],
     (values, final_values): (&[f32], &[f32]),
-    (rewards, ends): (&[f32], &[End]),
+    (rewards, ends, durations): (&[f32], &[End], Option<&[f32]>),
     out: &mut Estimate,
 ) {
     out.next_values.clear();
@@ -148,9 +149,13 @@ pub fn estimate(
             &values[record.clone()],
             &out.next_values[record.clone()],
             &ends[record.clone()],
-            settings.discount,
+            |t| {
+                durations.map_or(settings.discount, |durations| {
+                    settings.discount.powf(durations[record.start + t])
+                })
+            },
             settings.gae_lambda,
-            &mut out.advantages[record],
+            &mut out.advantages[record.clone()],
         );
     }
     out.returns.clear();
@@ -222,13 +227,13 @@ mod tests {
         let next = [0.25, 0.125, 9.0];
         let mut out = [0.0; 3];
         let ends = [End::Not, End::Not, End::Terminal];
-        advantages(&rewards, &values, &next, &ends, 0.9, 1.0, &mut out);
+        advantages(&rewards, &values, &next, &ends, |_| 0.9, 1.0, &mut out);
         let returns = [1.0 + 0.9 * (2.0 + 0.9 * 3.0), 2.0 + 0.9 * 3.0, 3.0];
         for t in 0..3 {
             assert!((out[t] - (returns[t] - values[t])).abs() < 1e-6);
         }
         let ends = [End::Not, End::Not, End::Truncated];
-        advantages(&rewards, &values, &next, &ends, 0.9, 1.0, &mut out);
+        advantages(&rewards, &values, &next, &ends, |_| 0.9, 1.0, &mut out);
         assert!((out[2] - (3.0 + 0.9 * 9.0 - 0.125)).abs() < 1e-6);
     }
 
@@ -241,11 +246,40 @@ mod tests {
             &[0.0; 2],
             &[0.0; 2],
             &ends,
-            0.9,
+            |_| 0.9,
             0.9,
             &mut out,
         );
         assert_eq!(out[0], 0.0);
+    }
+
+    #[test]
+    fn a_step_of_twice_the_time_is_discounted_twice() {
+        let settings = Settings {
+            epochs: 1,
+            minibatch: 1,
+            clip: 0.2,
+            entropy: 0.0,
+            value_loss: 0.5,
+            max_gradient_norm: 1.0,
+            discount: 0.9,
+            gae_lambda: 1.0,
+            target_kl: None,
+        };
+        let mut out = Estimate::default();
+        let (rewards, ends) = ([0.0, 1.0], [End::Not, End::Terminal]);
+        let durations = Some([2.0, 1.0].as_slice());
+        let values = ([0.0; 2].as_slice(), [0.0].as_slice());
+        estimate(
+            &settings,
+            &[2],
+            values,
+            (&rewards, &ends, durations),
+            &mut out,
+        );
+        assert!((out.returns[0] - 0.81).abs() < 1e-6, "{:?}", out.returns);
+        estimate(&settings, &[2], values, (&rewards, &ends, None), &mut out);
+        assert!((out.returns[0] - 0.9).abs() < 1e-6);
     }
 
     #[test]

@@ -230,7 +230,7 @@ impl Learner {
             &self.settings,
             &batch.records,
             (&scratch.values, &scratch.final_values),
-            (&batch.rewards, &batch.ends),
+            (&batch.rewards, &batch.ends, None),
             &mut scratch.estimate,
         );
     }

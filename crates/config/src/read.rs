@@ -267,7 +267,7 @@ fn read_low(d: &mut Document<'_>, wanted: bool) -> Low {
         hidden: t.layers("hidden", &[256, 256]),
         learning_rate: t.number("learning_rate", 1e-3, [0.0, 1.0]),
         batch: t.count("batch", 256, [1, 65_536]),
-        updates: t.count("updates", 15_000, [1, 100_000_000]),
+        updates: t.count("updates", 10_000, [1, 100_000_000]),
         expectile: t.number("expectile", 0.7, [0.5, 0.999]),
         discount: t.number("discount", 0.98, [0.0, 0.9999]),
         inverse_temperature: t.number("inverse_temperature", 3.0, [0.0, 100.0]),

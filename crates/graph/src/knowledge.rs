@@ -15,7 +15,7 @@ pub enum Knowledge {
 }
 
 /// Tries that the data's word counts as, once rollouts have theirs.
-const PRIOR: f32 = 4.0;
+const PRIOR: f32 = 2.0;
 /// Times that an edge is tried at most, when its cost is reckoned: below one try in ten no edge
 /// is worth its while, however near its end.
 const LEAST_RELIABILITY: f32 = 0.1;
@@ -67,7 +67,7 @@ mod tests {
         let mut graph = ring(4);
         let before = graph.edges[0];
         assert_eq!(graph.reliability(&before, Knowledge::Rollouts), 1.0);
-        graph.edges[0].tried = 4.0;
+        graph.edges[0].tried = 2.0;
         let edge = graph.edges[0];
         assert_eq!(graph.reliability(&edge, Knowledge::Rollouts), 0.5);
         assert_eq!(graph.reliability(&edge, Knowledge::Data), 1.0);
@@ -82,7 +82,7 @@ mod tests {
     fn times_move_from_the_datas_to_the_rollouts() {
         let mut graph = ring(4);
         let edge = &mut graph.edges[0];
-        (edge.tried, edge.reached, edge.rollout_steps) = (4.0, 4.0, 9.0);
+        (edge.tried, edge.reached, edge.rollout_steps) = (2.0, 2.0, 9.0);
         let edge = graph.edges[0];
         assert_eq!(graph.steps(&edge, Knowledge::Rollouts), 6.0);
         assert_eq!(graph.steps(&edge, Knowledge::Data), 3.0);
