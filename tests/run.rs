@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used)] // Helpers of tests are tests too.
 
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::Mutex;
@@ -118,6 +119,61 @@ fn a_run_ends_with_its_score_though_an_actor_was_killed() {
         .count();
     assert!(whole >= 1, "no trace");
     assert_eq!(shared_memory(), Vec::<String>::new());
+}
+
+/// Runs to the end; an actor is killed at the first line that says `kill_at`.
+fn run_to_the_end(folder: &Path, sets: &[&str], kill_at: Option<&str>) -> String {
+    let mut launcher = start(folder, sets);
+    let mut told = String::new();
+    let mut victim = kill_at;
+    for line in BufReader::new(launcher.stdout.take().unwrap()).lines() {
+        let line = line.unwrap();
+        if victim.is_some_and(|word| line.contains(word)) {
+            kill(actors(&launcher)[0], "-9");
+            victim = None;
+        }
+        told += &line;
+        told.push('\n');
+    }
+    let output = launcher.wait_with_output().unwrap();
+    assert!(output.status.success(), "{told}{}", text(&output));
+    assert_eq!(victim, None, "{told}");
+    told
+}
+
+#[test]
+fn a_deterministic_run_gives_the_same_result_even_if_an_actor_dies() {
+    let _one = ONE_AT_A_TIME.lock();
+    let rounds = [
+        "run.deterministic=true",
+        "rollouts.rounds=3",
+        "rollouts.episodes=12",
+        "rollouts.test_every=4",
+        "graph.online=true",
+        "dataset.leave_out=[[1, 2]]",
+        "graph.growth_states=5",
+        "low.updates=300",
+    ];
+    let result = |kill_at: Option<&str>| {
+        let folder = tempfile::tempdir().unwrap();
+        let told = run_to_the_end(folder.path(), &rounds, kill_at);
+        assert_eq!(told.contains("restarts: 1"), kill_at.is_some(), "{told}");
+        let run = folder.path().join("runs/small");
+        [
+            "checkpoints/encoder.safetensors",
+            "checkpoints/low.safetensors",
+            "checkpoints/high.safetensors",
+            "graph.bin",
+            "episodes.csv",
+        ]
+        .map(|file| (file, std::fs::read(run.join(file)).unwrap()))
+    };
+    let first = result(None);
+    for kill_at in [None, Some("round 2 of 3")] {
+        for ((file, first), (_, second)) in first.iter().zip(result(kill_at)) {
+            assert!(*first == second, "{file} differs, {kill_at:?}");
+        }
+    }
 }
 
 #[test]

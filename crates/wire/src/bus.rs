@@ -469,7 +469,9 @@ pub(crate) mod tests {
         let _host = Bus::host(&domain, &limits()).unwrap();
         let path = domain.root().join("limits");
         let text = fs::read_to_string(&path).unwrap();
-        fs::write(&path, text.replace("layout=1", "layout=7")).unwrap();
+        let ours = format!("layout={LAYOUT}");
+        assert!(text.contains(&ours));
+        fs::write(&path, text.replace(&ours, "layout=7")).unwrap();
         let error = Bus::join(&domain, "actor-0").err().unwrap();
         assert!(
             matches!(
