@@ -1,5 +1,7 @@
 //! Learning curves of runs are drawn from their folders, and what is damaged is named.
 
+#![allow(clippy::unwrap_used)] // Helpers of tests are tests too.
+
 use std::fmt::Write;
 use std::path::Path;
 

@@ -21,17 +21,18 @@ const LEGEND: f64 = BOTTOM + 68.0;
 const LEGEND_ROW: f64 = 22.0;
 /// Of a character of a tick's label.
 const LETTER: f64 = 7.5;
-/// Intervals between ticks, at most.
-const INTERVALS: [usize; 2] = [10, 8];
+/// Intervals between the ticks of x and y, at most: with few, much of an axis could stay empty.
+const INTERVALS: [usize; 2] = [15, 12];
 /// Characters of a label in the legend; longer ones would run into the note.
 const LABEL: usize = 68;
 
 const STYLE: &str = "text{font:13px system-ui,'DejaVu Sans',sans-serif;fill:#1f2328}\
     .title{font-size:17px;font-weight:600}.faint{font-size:12px;fill:#59636e}\
     .paper{fill:#ffffff}.dot{stroke:#ffffff;stroke-width:1.5}.grid{stroke:#d8dee4}\
-    .axis{stroke:#59636e}path{stroke-linecap:round;stroke-linejoin:round}\
+    .axis{stroke:#59636e}.band{fill-opacity:.18}.thin{stroke-opacity:.5}path{stroke-linecap:round;stroke-linejoin:round}\
     @media(prefers-color-scheme:dark){text{fill:#e6edf3}.faint{fill:#9aa4ae}\
-    .paper{fill:#15191e}.dot{stroke:#15191e}.grid{stroke:#343b43}.axis{stroke:#9aa4ae}}";
+    .paper{fill:#15191e}.dot{stroke:#15191e}.grid{stroke:#343b43}.axis{stroke:#9aa4ae}\
+    .band{fill-opacity:.3}.thin{stroke-opacity:.7}}";
 
 /// What one colour shows.
 #[derive(Default)]
@@ -172,19 +173,19 @@ impl Chart {
             let below = band.iter().rev().map(|[x, low, _]| [*x, *low]);
             let path = frame.path(above.chain(below));
             if !path.is_empty() {
-                let fill = format!("fill=\"{colour}\" fill-opacity=\"0.18\"");
-                let _ = writeln!(svg, "<path {fill} d=\"{path}Z\"/>");
+                let class = format!("class=\"band\" fill=\"{colour}\"");
+                let _ = writeln!(svg, "<path {class} d=\"{path}Z\"/>");
             }
         }
         for (colour, dash, series) in coloured() {
-            let thin = series.thin.iter().map(|line| (line, 1.0, 0.5));
-            for (line, width, opacity) in thin.chain([(&series.bold, 2.5, 1.0)]) {
+            let thin = series.thin.iter().map(|line| (line, "thin", 1.0));
+            for (line, class, width) in thin.chain([(&series.bold, "bold", 2.5)]) {
                 let path = frame.path(line.iter().copied());
                 if !path.is_empty() {
                     let _ = writeln!(
                         svg,
-                        "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
-                         stroke-opacity=\"{opacity}\" stroke-dasharray=\"{dash}\" d=\"{path}\"/>"
+                        "<path class=\"{class}\" fill=\"none\" stroke=\"{colour}\" \
+                         stroke-width=\"{width}\" stroke-dasharray=\"{dash}\" d=\"{path}\"/>"
                     );
                 }
             }

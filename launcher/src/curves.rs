@@ -84,8 +84,9 @@ fn chart(groups: &[Group], metric: &str) -> Chart {
     let runs = || groups.iter().flat_map(|group| &group.runs);
     let last = |run: &Recorded| run.rows.last().map_or(0.0, |[seconds, _]| *seconds);
     let longest = runs().map(last).fold(1.0, f64::max);
+    // The share comes first: the last place is then the last row's, to the bit.
     let grid: Vec<f64> = (0..=GRID)
-        .map(|i| longest * i as f64 / GRID as f64)
+        .map(|i| longest * (i as f64 / GRID as f64))
         .collect();
     let most = runs().map(|run| run.rows.len()).max().unwrap_or(0);
     let episodes = metric.starts_with(ROLLOUTS);
@@ -99,21 +100,21 @@ fn chart(groups: &[Group], metric: &str) -> Chart {
         SCORE => ("Score in training", "score (% of episodes at the goal)"),
         _ => (metric, metric),
     };
-    let point = match window {
+    let mut subtitle = match window {
         1 => "values as they are".to_owned(),
-        _ => format!(
-            "mean of the newest {window} {}",
-            if episodes { "episodes" } else { "values" }
-        ),
+        _ if episodes => format!("mean of the newest {window} episodes"),
+        _ => format!("mean of the newest {window} values"),
     };
-    let dots = if metric == SCORE && runs().any(|run| run.score.is_some()) {
-        "; dots: final scores"
-    } else {
-        ""
-    };
+    if groups.iter().any(|group| group.runs.len() > 1) {
+        subtitle += "; bold and band: mean ± 1 std of the runs; thin: each run";
+    }
+    if metric == SCORE && runs().any(|run| run.score.is_some()) {
+        subtitle += "; dots: final scores";
+    }
+    let plural = if mazes.len() > 1 { "s" } else { "" };
     Chart {
-        title: format!("{what}, maze {}", mazes.join(", ")),
-        subtitle: format!("{point}; bold and band: mean ± 1 std of the runs; thin: each run{dots}"),
+        title: format!("{what}, maze{plural} {}", mazes.join(", ")),
+        subtitle,
         x_label: "time since the start (minutes)".to_owned(),
         y_label: y_label.to_owned(),
         y_range: (metric == SCORE).then_some([0.0, 100.0]),
@@ -224,6 +225,17 @@ mod tests {
         // The one score that is there, at the end of its run.
         assert_eq!(series.dots.len(), 1);
         assert!(near(series.dots[0][0], 200.0 / 60.0) && series.dots[0][1] == 90.0);
+    }
+
+    #[test]
+    fn the_last_row_lies_on_the_grid_whenever_it_came() {
+        // Times 200 and divided by 200, the second and the third come out smaller.
+        for seconds in [12.3, 248.47588267567355, 107.44303616188411] {
+            let mut run = recorded(0, &[100.0], None);
+            run.rows[0][0] = seconds;
+            let chart = chart(&grouped(vec![run]), SCORE);
+            assert_eq!(chart.series[0].bold.len(), 1, "{seconds}");
+        }
     }
 
     #[test]
