@@ -86,6 +86,7 @@ fn what_cannot_be_drawn_is_named_and_no_picture_is_left() {
             &["whole", "--metric", "x"],
             "no row of x; it has low/policy_loss, rollout/score",
         ),
+        (&["whole", "--out", "runs"], "--out runs is a folder"),
         (
             &["whole", "--out", "none/c.svg"],
             "writing none/c.svg: No such file",

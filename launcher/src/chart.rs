@@ -52,6 +52,8 @@ pub(crate) struct Chart {
     pub(crate) subtitle: String,
     pub(crate) x_label: String,
     pub(crate) y_label: String,
+    /// The horizontal axis goes from zero to here.
+    pub(crate) x_end: f64,
     /// Values that the vertical axis shows in any case; bands are then cut off where it ends.
     pub(crate) y_range: Option<[f64; 2]>,
     pub(crate) series: Vec<Series>,
@@ -95,28 +97,24 @@ fn share(ticks: &[f64], value: f64) -> f64 {
 
 impl Chart {
     fn frame(&self) -> Frame {
-        let lines = |series: &Series| -> Vec<[f64; 2]> {
-            let thin = series.thin.iter().flatten();
-            thin.chain(&series.bold)
-                .chain(&series.dots)
-                .copied()
-                .collect()
+        let lines = |series: &Series| -> Vec<f64> {
+            let points = series.thin.iter().flatten();
+            let points = points.chain(&series.bold).chain(&series.dots);
+            points.map(|[_, y]| *y).collect()
         };
-        let points: Vec<[f64; 2]> = self.series.iter().flat_map(lines).collect();
+        let mut values: Vec<f64> = self.series.iter().flat_map(lines).collect();
         let bands = self.series.iter().flat_map(|series| &series.band);
         let bands = bands.flat_map(|[_, low, high]| [*low, *high]);
-        let mut values: Vec<f64> = points.iter().map(|[_, y]| *y).collect();
         match self.y_range {
             Some(range) => values.extend(range),
             None => values.extend(bands),
         }
-        let last = points.iter().fold(0.0, |last: f64, [x, _]| last.max(*x));
         let low = values.iter().copied().reduce(f64::min).unwrap_or(0.0);
         let high = values.iter().copied().reduce(f64::max).unwrap_or(0.0);
         let y = ticks(low, high, INTERVALS[1]);
         let longest = labels(&y).iter().map(|label| label.chars().count()).max();
         Frame {
-            x: ticks(0.0, last, INTERVALS[0]),
+            x: ticks(0.0, self.x_end, INTERVALS[0]),
             y,
             left: MARGIN + 30.0 + LETTER * longest.unwrap_or(0) as f64,
         }
@@ -270,6 +268,7 @@ mod tests {
             subtitle: "&s".into(),
             x_label: "x<".into(),
             y_label: "y<".into(),
+            x_end: 1.0,
             y_range: None,
             series: vec![Series {
                 label: "<l>".into(),
@@ -297,6 +296,7 @@ mod tests {
             subtitle: String::new(),
             x_label: String::new(),
             y_label: String::new(),
+            x_end: 10.0,
             y_range: Some([0.0, 100.0]),
             series: vec![Series {
                 thin: vec![vec![[5.0, 50.0]]],

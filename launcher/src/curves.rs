@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::bail;
+use anyhow::{bail, ensure};
 
 use crate::chart::{Chart, Series};
 use crate::folder;
@@ -33,6 +33,11 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    ensure!(
+        !args.out.is_dir(),
+        "--out {} is a folder; give the file to write",
+        args.out.display()
+    );
     let mut runs: Vec<Recorded> = vec![];
     let mut seen: Vec<PathBuf> = vec![];
     for given in &args.runs {
@@ -105,6 +110,9 @@ fn chart(groups: &[Group], metric: &str) -> Chart {
         _ if episodes => format!("mean of the newest {window} episodes"),
         _ => format!("mean of the newest {window} values"),
     };
+    if runs().any(|run| run.rows.len() < window) {
+        subtitle += ", or all of a run with fewer";
+    }
     if groups.iter().any(|group| group.runs.len() > 1) {
         subtitle += "; bold and band: mean ± 1 std of the runs; thin: each run";
     }
@@ -117,6 +125,7 @@ fn chart(groups: &[Group], metric: &str) -> Chart {
         subtitle,
         x_label: "time since the start (minutes)".to_owned(),
         y_label: y_label.to_owned(),
+        x_end: longest / 60.0,
         y_range: (metric == SCORE).then_some([0.0, 100.0]),
         series: groups
             .iter()
@@ -235,6 +244,7 @@ mod tests {
             run.rows[0][0] = seconds;
             let chart = chart(&grouped(vec![run]), SCORE);
             assert_eq!(chart.series[0].bold.len(), 1, "{seconds}");
+            assert!(chart.subtitle.contains("or all of a run with fewer"));
         }
     }
 
@@ -242,11 +252,14 @@ mod tests {
     fn one_run_has_no_band_and_other_metrics_have_no_dots() {
         let runs = || vec![recorded(0, &[3.0; 50], Some(90.0))];
         let score = chart(&grouped(runs()), SCORE);
-        assert!(score.subtitle.starts_with("mean of the newest 20 episodes"));
+        assert_eq!(
+            score.subtitle,
+            "mean of the newest 20 episodes; dots: final scores"
+        );
         assert_eq!(score.series[0].dots.len(), 1);
         assert!(score.series[0].band.is_empty() && score.series[0].thin.is_empty());
         let loss = chart(&grouped(runs()), "low/value_loss");
-        assert!(loss.subtitle.starts_with("values as they are"));
+        assert_eq!(loss.subtitle, "values as they are");
         assert!(loss.series[0].dots.is_empty());
         assert_eq!(loss.y_range, None);
     }
