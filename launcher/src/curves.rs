@@ -111,7 +111,7 @@ fn chart(groups: &[Group], metric: &str) -> Chart {
         _ => format!("mean of the newest {window} values"),
     };
     if runs().any(|run| run.rows.len() < window) {
-        subtitle += ", or all of a run with fewer";
+        subtitle += ", or of all if fewer";
     }
     if groups.iter().any(|group| group.runs.len() > 1) {
         subtitle += "; bold and band: mean ± 1 std of the runs; thin: each run";
@@ -244,7 +244,7 @@ mod tests {
             run.rows[0][0] = seconds;
             let chart = chart(&grouped(vec![run]), SCORE);
             assert_eq!(chart.series[0].bold.len(), 1, "{seconds}");
-            assert!(chart.subtitle.contains("or all of a run with fewer"));
+            assert!(chart.subtitle.contains("or of all if fewer"));
         }
     }
 
