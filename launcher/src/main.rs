@@ -2,14 +2,19 @@
 //!
 //! Exit codes: 0 fine, 1 failed, 2 a fault in what the user gave, 130 ended by Ctrl-C.
 
+mod axis;
+mod chart;
 mod check;
 mod children;
+mod curves;
 mod dataset;
 mod doctor;
 mod folder;
+mod groups;
 mod interrupts;
 mod launch;
 mod progress;
+mod recorded;
 mod role;
 mod stages;
 
@@ -48,6 +53,8 @@ enum Command {
         #[arg(long)]
         walker: Option<PathBuf>,
     },
+    /// Draw learning curves of runs, with mean and spread over seeds, and print their final scores
+    Curves(curves::Args),
     /// Look at this machine, and clear what dead runs left in shared memory
     Doctor,
     /// An actor of a run (started by launch)
@@ -94,6 +101,7 @@ fn main() -> ExitCode {
             role::ceiling(&config, episodes, path).map(|()| ExitCode::SUCCESS)
         }),
         Command::Dataset(action) => dataset::run(&action),
+        Command::Curves(args) => curves::run(&args),
         Command::Doctor => doctor::doctor(),
         Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),
         Command::Learner(args) => role::run(|stop| learner::run(&args, stop)),

@@ -93,7 +93,10 @@ impl Progress {
     }
 }
 
-/// `metrics.csv`: seconds, role, id, name, step, value.
+/// First line of `metrics.csv`.
+pub(crate) const METRICS_HEADER: &str = "seconds,role,id,name,step,value";
+
+/// `metrics.csv`: seconds since the start, role, id, name, step, value.
 pub(crate) struct MetricsFile {
     file: Option<BufWriter<File>>,
     start: Instant,
@@ -104,7 +107,7 @@ pub(crate) struct MetricsFile {
 impl MetricsFile {
     pub(crate) fn create(path: &Path) -> anyhow::Result<Self> {
         let mut file = BufWriter::new(File::create(path)?);
-        writeln!(file, "seconds,role,id,name,step,value")?;
+        writeln!(file, "{METRICS_HEADER}")?;
         Ok(Self {
             file: Some(file),
             start: Instant::now(),

@@ -1,0 +1,247 @@
+//! Runs that differ in their seed alone, and what their scores are together.
+
+use std::collections::BTreeSet;
+
+use crate::recorded::Recorded;
+
+/// Runs of one config but for the seed.
+pub(crate) struct Group {
+    pub(crate) label: String,
+    pub(crate) runs: Vec<Recorded>,
+}
+
+impl Group {
+    fn seeds(&self) -> BTreeSet<i64> {
+        self.runs.iter().map(|run| run.seed).collect()
+    }
+
+    fn scores(&self) -> Vec<f64> {
+        self.runs.iter().filter_map(|run| run.score).collect()
+    }
+
+    /// Its seeds and final scores, in few words.
+    pub(crate) fn note(&self) -> String {
+        let (runs, seeds) = (self.runs.len(), self.seeds().len());
+        let plural = |count, word| format!("{count} {word}{}", if count == 1 { "" } else { "s" });
+        let mut note = plural(seeds, "seed");
+        if runs > seeds {
+            note = format!("{} of {note}", plural(runs, "run"));
+        }
+        let scores = self.scores();
+        if let Some((mean, std)) = spread(&scores) {
+            note += &format!(", score {mean:.1}");
+            note += &std.map_or(String::new(), |std| format!(" ± {std:.1}"));
+            if scores.len() < runs {
+                note += &format!(" ({} of {runs} runs)", scores.len());
+            }
+        }
+        note
+    }
+}
+
+/// Groups in the order of their first runs. Where two would have one label, each tells what its
+/// config has of its own.
+pub(crate) fn grouped(runs: Vec<Recorded>) -> Vec<Group> {
+    let mut groups: Vec<Group> = vec![];
+    for run in runs {
+        let same = |group: &&mut Group| group.runs[0].config == run.config;
+        match groups.iter_mut().find(same) {
+            Some(group) => group.runs.push(run),
+            None => groups.push(Group {
+                label: without_number(&run.name).to_owned(),
+                runs: vec![run],
+            }),
+        }
+    }
+    let labels: Vec<String> = (0..groups.len())
+        .map(|i| {
+            let like = |group: &&Group| group.label == groups[i].label;
+            let alike: Vec<&Group> = groups.iter().filter(like).collect();
+            let own = differences(&groups[i], &alike);
+            let gap = if own.is_empty() { "" } else { ": " };
+            format!("{}{gap}{own}", groups[i].label)
+        })
+        .collect();
+    for (group, label) in groups.iter_mut().zip(labels) {
+        group.label = label;
+    }
+    groups
+}
+
+/// A name without the number that tells the runs of a group apart: `-3` or `-seed3` at its end.
+fn without_number(name: &str) -> &str {
+    let bare = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    let stem = bare.strip_suffix("-seed").or(bare.strip_suffix('-'));
+    match stem {
+        Some(stem) if bare.len() < name.len() && !stem.is_empty() => stem,
+        _ => name,
+    }
+}
+
+/// The keys in which a group's config is not that of all others, with its own values.
+fn differences(group: &Group, others: &[&Group]) -> String {
+    let keys: BTreeSet<&String> = others
+        .iter()
+        .flat_map(|other| other.runs[0].config.keys())
+        .collect();
+    let value = |group: &Group, key: &String| group.runs[0].config.get(key).cloned();
+    let own: Vec<String> = keys
+        .into_iter()
+        .filter(|key| {
+            let mine = value(group, key);
+            others.iter().any(|other| value(other, key) != mine)
+        })
+        .map(|key| match value(group, key) {
+            Some(value) => format!("{key} = {value}"),
+            None => format!("no {key}"),
+        })
+        .collect();
+    own.join(", ")
+}
+
+/// Mean and sample standard deviation; one value alone has no deviation.
+pub(crate) fn spread(values: &[f64]) -> Option<(f64, Option<f64>)> {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    match values.len() {
+        0 => None,
+        1 => Some((mean, None)),
+        _ => Some((mean, Some((squares / (n - 1.0)).sqrt()))),
+    }
+}
+
+/// A line for each group, the columns aligned.
+pub(crate) fn table(groups: &[Group]) -> String {
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.1}"));
+    let list = |of: &dyn Fn(&Recorded) -> String, group: &Group| {
+        let texts: Vec<String> = group.runs.iter().map(of).collect();
+        texts.join(" ")
+    };
+    let header = [
+        "group", "runs", "seeds", "scores", "mean", "std", "min", "max",
+    ];
+    let mut lines = vec![header.map(str::to_owned)];
+    for group in groups {
+        let scores = group.scores();
+        let (mean, std) = spread(&scores).unzip();
+        lines.push([
+            group.label.clone(),
+            group.runs.len().to_string(),
+            list(&|run| run.seed.to_string(), group),
+            list(&|run| number(run.score), group),
+            number(mean),
+            number(std.flatten()),
+            number(scores.iter().copied().reduce(f64::min)),
+            number(scores.iter().copied().reduce(f64::max)),
+        ]);
+    }
+    let mut text = String::new();
+    for line in &lines {
+        for (column, cell) in line.iter().enumerate() {
+            let cells = lines.iter().map(|line| line[column].chars().count());
+            let width = cells.max().unwrap_or(0);
+            text += &match column {
+                0 => format!("{cell:<width$}"),
+                _ => format!("  {cell:>width$}"),
+            };
+        }
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(name: &str, seed: i64, updates: u32, score: Option<f64>) -> Recorded {
+        let config = [
+            ("low.updates", updates.to_string()),
+            ("low.batch", "256".into()),
+        ];
+        Recorded {
+            folder: "runs".into(),
+            name: name.to_owned(),
+            seed,
+            layout: "large".to_owned(),
+            config: config.map(|(key, value)| (key.to_owned(), value)).into(),
+            rows: vec![],
+            left_out: 0,
+            score,
+        }
+    }
+
+    #[test]
+    fn runs_of_one_config_are_a_group_whatever_name_and_seed() {
+        let groups = grouped(vec![
+            run("a-seed1", 1, 100, None),
+            run("b", 1, 200, None),
+            run("a-seed2", 2, 100, None),
+        ]);
+        let seeds: Vec<Vec<i64>> = groups
+            .iter()
+            .map(|group| group.seeds().into_iter().collect())
+            .collect();
+        assert_eq!(seeds, [vec![1, 2], vec![1]]);
+        let labels: Vec<&str> = groups.iter().map(|group| group.label.as_str()).collect();
+        assert_eq!(labels, ["a", "b"]);
+    }
+
+    #[test]
+    fn groups_of_one_label_tell_what_they_have_of_their_own() {
+        let mut runs = vec![run("a-1", 1, 100, None), run("a-2", 1, 200, None)];
+        runs[1].config.insert("low.snap".into(), "1.0".into());
+        let labels: Vec<String> = grouped(runs).into_iter().map(|group| group.label).collect();
+        assert_eq!(
+            labels,
+            [
+                "a: no low.snap, low.updates = 100",
+                "a: low.snap = 1.0, low.updates = 200"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_number_at_the_end_of_a_name_goes() {
+        for (name, label) in [
+            ("large-3", "large"),
+            ("large-seed12", "large"),
+            ("large-seed", "large-seed"),
+            ("large3", "large3"),
+            ("large-", "large-"),
+            ("-3", "-3"),
+            ("7", "7"),
+        ] {
+            assert_eq!(without_number(name), label);
+        }
+    }
+
+    #[test]
+    fn spread_is_the_mean_and_the_deviation_of_a_sample() {
+        assert_eq!(spread(&[]), None);
+        assert_eq!(spread(&[3.0]), Some((3.0, None)));
+        // Squares of 9, 1, 1, 1, 0, 0, 4, 16 make 32; over 7, not 8.
+        let (mean, std) = spread(&[2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0]).unwrap();
+        assert_eq!(mean, 5.0);
+        assert!((std.unwrap() - (32.0_f64 / 7.0).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_table_has_a_line_for_each_group() {
+        let groups = grouped(vec![
+            run("a-1", 1, 100, Some(80.0)),
+            run("a-2", 2, 100, Some(90.0)),
+            run("a-3", 3, 100, None),
+            run("long", 0, 200, None),
+        ]);
+        let expected = "\
+group  runs  seeds       scores  mean  std   min   max
+a         3  1 2 3  80.0 90.0 -  85.0  7.1  80.0  90.0
+long      1      0            -     -    -     -     -
+";
+        assert_eq!(table(&groups), expected);
+        assert_eq!(groups[0].note(), "3 seeds, score 85.0 ± 7.1 (2 of 3 runs)");
+        assert_eq!(groups[1].note(), "1 seed");
+    }
+}
