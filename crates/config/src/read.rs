@@ -255,7 +255,7 @@ fn read_graph(d: &mut Document<'_>, wanted: bool) -> Graph {
             },
             online: t.value("online", false, |_| Ok(())),
             max_nodes,
-            growth_radius: t.number("growth_radius", 1.25, [0.1, 100.0]),
+            growth_radius: t.number("growth_radius", 1.0, [0.1, 100.0]),
             growth_states: t.count("growth_states", 20, [1, 1000]),
             least_success: t.number("least_success", 0.1, [0.0, 1.0]),
         }

@@ -74,13 +74,35 @@ pub fn save(
         .iter()
         .map(|(k, v)| (k.clone(), v.clone()))
         .collect();
-    let whole = safetensors::serialize(views, Some(metadata))
+    let mut whole = safetensors::serialize(views, Some(metadata))
         .map_err(|error| FileError::Damaged(error.to_string()))?;
+    sort_header(&mut whole);
     let part = path.with_extension("part");
     let mut file = File::create(&part).map_err(io)?;
     file.write_all(&whole).map_err(io)?;
     file.sync_all().map_err(io)?;
     std::fs::rename(&part, path).map_err(io)
+}
+
+/// Puts the header's keys in order, which safetensors leaves to chance: equal weights are equal
+/// files. The header is a length (8 bytes), that much JSON and blanks.
+fn sort_header(whole: &mut [u8]) {
+    let Some((length, rest)) = whole.split_first_chunk_mut::<8>() else {
+        return;
+    };
+    let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+    let Some(header) = rest.get_mut(..length) else {
+        return;
+    };
+    let sorted = serde_json::from_slice::<serde_json::Value>(header)
+        .and_then(|header| serde_json::to_vec(&header));
+    if let Ok(sorted) = sorted
+        && sorted.len() <= header.len()
+    {
+        let (text, blanks) = header.split_at_mut(sorted.len());
+        text.copy_from_slice(&sorted);
+        blanks.fill(b' ');
+    }
 }
 
 /// A parameter file in memory.
@@ -183,6 +205,28 @@ mod tests {
             Err(FileError::Shape { .. })
         ));
         assert!(!path.with_extension("part").exists());
+    }
+
+    #[test]
+    fn equal_weights_are_equal_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let keys = ["kind", "version", "config", "hidden", "seed", "maze"];
+        let metadata: BTreeMap<String, String> =
+            keys.map(|key| (key.to_owned(), key.to_uppercase())).into();
+        let bytes = |name: &str| {
+            let path = folder.path().join(name);
+            let tensors = [
+                ("b".to_owned(), vec![2], [1.0, 2.0].as_slice()),
+                ("a".to_owned(), vec![1], [3.0].as_slice()),
+            ];
+            save(&path, &tensors, &metadata).unwrap();
+            let file = ParameterFile::load(&path).unwrap();
+            assert_eq!(file.metadata(), &metadata);
+            assert_eq!(file.tensor("a", &[1]).unwrap(), [3.0]);
+            std::fs::read(path).unwrap()
+        };
+        let first = bytes("0");
+        (1..20).for_each(|i| assert_eq!(bytes(&i.to_string()), first));
     }
 
     #[test]
