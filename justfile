@@ -27,3 +27,19 @@ deny:
 fuzz target:
     mkdir -p fuzz/found/{{target}}
     RUSTC_BOOTSTRAP=1 cargo fuzz run {{target}} --sanitizer none fuzz/found/{{target}} fuzz/corpus/{{target}} -- -max_len=16384 -max_total_time=600
+
+# Five seeds in a maze, their scores and the picture of their learning curves
+seeds maze="large":
+    for seed in 0 1 2 3 4; do \
+      cargo run --release -- launch configs/antmaze-{{maze}}-diverse.toml \
+        --set run.seed=$seed --set run.name={{maze}}-seed$seed || exit 1; \
+    done
+    cargo run --release -- curves runs/{{maze}}-seed[0-4] --out curves-{{maze}}.svg
+
+# One of the large maze's ablations on the stages of a run (docs/learning.md has the list), as in
+# `just ablation runs/large-seed0 search --set high.planner=search`
+ablation run name *sets:
+    cargo run --release -- launch configs/antmaze-large-diverse.toml --set run.name={{name}} \
+      --set encoder.from={{run}}/checkpoints/encoder.safetensors \
+      --set low.from={{run}}/checkpoints/low.safetensors \
+      --set rollouts.seconds=30 --set evaluation.episodes=200 {{sets}}

@@ -91,13 +91,13 @@ pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
         Planner::Search => "a search plans".to_owned(),
         Planner::Learned => format!(
             "return {:.3}, entropy {:.2} nats, clip fraction {:.3}, KL {:.4}; greedy paths \
-             arrive in {:.1}%, {:.2} times the shortest",
+             arrive in {:.1}%, {:.2} times the cheapest cost",
             get("high/return"),
             get("high/entropy_nats"),
             get("high/clip_fraction"),
             get("high/kl"),
             percent("high/greedy_arrived"),
-            get("high/path_over_shortest"),
+            get("high/path_over_cheapest"),
         ),
     };
     line("high", get("time/high_s"), high);

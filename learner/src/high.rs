@@ -236,7 +236,7 @@ impl Trainer<'_, '_> {
         let (arrived, ratio) = self.high.quality(&self.graph, PAIRS, &mut self.rng);
         let step = self.high.steps;
         self.post.metric("high/greedy_arrived", step, arrived);
-        self.post.metric("high/path_over_shortest", step, ratio);
+        self.post.metric("high/path_over_cheapest", step, ratio);
     }
 
     fn publish(&self, last: bool) {

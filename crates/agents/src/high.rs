@@ -7,7 +7,7 @@
 
 use std::collections::HashMap;
 
-use graph::{Graph, Knowledge};
+use graph::{Edge, Graph, Knowledge};
 use nets::categorical::Masked;
 use nets::{Activation, Adam, Mlp, Workspace, clip_global_norm};
 use rand::{Rng, RngExt};
@@ -531,18 +531,19 @@ impl High {
     }
 
     /// Share of all (start, goal) pairs, thinned to at most `pairs`, that the most likely choices
-    /// lead from start to goal, and their path's mean length over the shortest path's.
+    /// lead from start to goal, and what their paths cost over what the cheapest ones do.
     pub fn quality(&mut self, graph: &Graph, pairs: usize, rng: &mut impl Rng) -> (f32, f32) {
         let nodes = graph.len();
         let (mut arrived, mut ratio) = (0_u32, 0.0);
         let mut input = vec![];
+        let cost = |edge: &Edge| graph.cost(edge, self.settings.knowledge);
         for _ in 0..pairs {
             let Walk {
                 node: start, goal, ..
             } = new_walk(nodes, rng);
-            let shortest = graph.distances_to(goal, |_| 1.0)[start as usize];
-            let mut node = start;
-            for edges in 1..=self.settings.max_edges {
+            let cheapest = graph.distances_to(goal, cost)[start as usize];
+            let (mut node, mut spent) = (start, 0.0);
+            for _ in 0..self.settings.max_edges {
                 input.clear();
                 self.policy
                     .input(graph.latent(node), graph.latent(goal), &mut input);
@@ -556,9 +557,10 @@ impl High {
                     .max_by(|a, b| logits[a.to as usize].total_cmp(&logits[b.to as usize]));
                 let Some(edge) = best else { break };
                 node = edge.to;
+                spent += cost(edge);
                 if node == goal {
                     arrived += 1;
-                    ratio += edges as f32 / shortest.max(1.0);
+                    ratio += spent / cheapest.max(1.0);
                     break;
                 }
             }

@@ -443,6 +443,46 @@ mod tests {
     }
 
     #[test]
+    fn stages_may_be_taken_from_files_and_cells_left_out() {
+        let set = |key: &str, value: &str| {
+            let sets = [(key.to_owned(), value.to_owned())];
+            Config::parse(GOOD, "x.toml", "x", &sets)
+        };
+        let config = set("dataset.leave_out", "[[5, 8], [6, 8]]").unwrap();
+        assert!(config.dataset.leaves_out(Some((6, 8))));
+        assert!(!config.dataset.leaves_out(Some((8, 6))) && !config.dataset.leaves_out(None));
+        for (key, value, told) in [
+            (
+                "dataset.leave_out",
+                "[[5]]",
+                "[5] is no cell; cells are [row, column]",
+            ),
+            ("low.from", "nowhere", "no file 'nowhere'"),
+            ("encoder.from", "nowhere", "no file 'nowhere'"),
+            (
+                "graph.max_nodes",
+                "10",
+                "less than the 200 nodes to begin with",
+            ),
+            (
+                "encoder.kind",
+                "place2",
+                "unknown word; did you mean 'place'?",
+            ),
+            (
+                "graph.knowledge",
+                "all",
+                "unknown word; known are none, data, rollouts",
+            ),
+        ] {
+            let faults = set(key, value).unwrap_err();
+            assert_eq!(faults.to_string(), format!("--set {key}: {told}"));
+        }
+        let places = set("encoder.kind", "place").unwrap().encoder;
+        assert_eq!((places.latent, places.hidden.len()), (2, 0));
+    }
+
+    #[test]
     fn syntax_errors_have_a_line() {
         let faults = parse("[run]\nseed = \n").unwrap_err().faults;
         assert!(
