@@ -17,7 +17,7 @@ use crate::save;
 /// Updates between two reports.
 const REPORT: usize = 500;
 /// Updates between two publications.
-const PUBLISH: usize = 2500;
+const PUBLISH: usize = 500;
 /// The value's goals: the policy's subgoal, a later state, any node; the rest is the state's own
 /// place.
 const VALUE_GOALS: [f32; 3] = [0.5, 0.2, 0.2];
