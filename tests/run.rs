@@ -118,7 +118,7 @@ fn a_run_ends_with_its_score_though_an_actor_was_killed() {
         .filter(|t| t.path().extension().is_some_and(|e| e == "mcap"))
         .count();
     assert!(whole >= 1, "no trace");
-    assert_eq!(shared_memory(), Vec::<String>::new());
+    assert_eq!(shared_memory(&run), Vec::<String>::new());
 }
 
 /// Runs to the end; an actor is killed at the first line that says `kill_at`.
@@ -188,7 +188,10 @@ fn an_interrupt_ends_all_in_order_and_leaves_nothing() {
     let output = launcher.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", text(&output));
     assert!(family.iter().all(|pid| !is_alive(*pid)));
-    assert_eq!(shared_memory(), Vec::<String>::new());
+    assert_eq!(
+        shared_memory(&folder.path().join("runs/small")),
+        Vec::<String>::new()
+    );
 }
 
 #[test]
@@ -199,6 +202,8 @@ fn no_child_outlives_a_killed_launcher_and_doctor_clears_what_it_left() {
     assert!(all_started(&launcher));
     let family = children(&launcher);
     std::thread::sleep(Duration::from_secs(1));
+    let run = folder.path().join("runs/small");
+    assert_ne!(shared_memory(&run), Vec::<String>::new());
     launcher.kill().unwrap();
     launcher.wait().unwrap();
     let gone = || family.iter().all(|pid| !is_alive(*pid));
@@ -209,5 +214,8 @@ fn no_child_outlives_a_killed_launcher_and_doctor_clears_what_it_left() {
     let doctor = formica(folder.path(), &["doctor"]).output().unwrap();
     assert!(doctor.status.success());
     assert!(text(&doctor).contains("cleared"), "{}", text(&doctor));
-    assert_eq!(shared_memory(), Vec::<String>::new());
+    assert_eq!(
+        shared_memory(&folder.path().join("runs/small")),
+        Vec::<String>::new()
+    );
 }

@@ -84,15 +84,19 @@ pub fn eventually(deadline: Duration, mut holds: impl FnMut() -> bool) -> bool {
     holds()
 }
 
-/// Names in shared memory that begin as formica's do.
+/// Names in shared memory that a run left, by the id of its domain; other runs may be alive.
+///
+/// # Panics
+/// When the run's folder does not tell the id.
 #[must_use]
-pub fn shared_memory() -> Vec<String> {
+#[allow(clippy::expect_used)]
+pub fn shared_memory(run: &Path) -> Vec<String> {
+    let id = std::fs::read_to_string(run.join("domain")).expect("a run notes its domain");
+    assert!(!id.is_empty(), "a domain has a name");
     let entries = std::fs::read_dir("/dev/shm")
         .into_iter()
         .flatten()
         .flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    names
-        .filter(|name| name.trim_start_matches('.').starts_with("formica"))
-        .collect()
+    names.filter(|name| name.contains(&id)).collect()
 }
