@@ -209,8 +209,8 @@ impl Trainer<'_, '_> {
             LEAST_RATE
         };
         self.relearn = self.relearn.saturating_sub(1);
-        self.high
-            .set_learning_rate(h.learning_rate as f32 * left.max(least));
+        // Without the bonus in the end, near ties are settled and the most likely choices lead on.
+        self.high.anneal(left.max(least), left.max(0.0));
         let physical = self.high.pending();
         let report = self.high.update(&self.graph, &mut self.rng);
         self.updates += 1;

@@ -162,6 +162,8 @@ pub struct High {
     value_adam: Adam,
     policy_workspace: Workspace,
     value_workspace: Workspace,
+    /// Weight of the entropy bonus at the moment.
+    entropy: f32,
     walks: Vec<Walk>,
     batch: Batch,
     pending: Batch,
@@ -194,6 +196,7 @@ impl High {
             value_adam: Adam::new(value_parameters.len(), settings.learning_rate),
             policy_workspace: policy.mlp.workspace(capacity),
             value_workspace: value.workspace(capacity),
+            entropy: settings.ppo.entropy,
             policy,
             value,
             settings,
@@ -213,10 +216,12 @@ impl High {
         &self.policy
     }
 
-    /// Sets the step size of both networks.
-    pub fn set_learning_rate(&mut self, rate: f32) {
+    /// Sets what is left of step size and entropy bonus, as shares of the settings'.
+    pub fn anneal(&mut self, rate: f32, entropy: f32) {
+        let rate = rate * self.settings.learning_rate;
         self.policy_adam.learning_rate = rate;
         self.value_adam.learning_rate = rate;
+        self.entropy = entropy * self.settings.ppo.entropy;
     }
 
     /// Moves on to a version of the graph with other nodes: those that it shares with `old` keep
@@ -479,12 +484,7 @@ impl High {
                 self.settings.ppo.clip,
             );
             let out = &mut s.logit_gradient[row * nodes..(row + 1) * nodes];
-            masked.add_gradient(
-                picked,
-                scale * gradient,
-                -scale * self.settings.ppo.entropy,
-                out,
-            );
+            masked.add_gradient(picked, scale * gradient, -scale * self.entropy, out);
             let shift = log_prob - choice.log_prob;
             report.policy_loss += scale * loss;
             report.entropy += scale * masked.entropy();

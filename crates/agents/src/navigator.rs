@@ -84,7 +84,7 @@ const SEARCH_EXPLORES: f32 = 0.2;
 pub enum Choosing {
     /// By their probabilities, to learn.
     Sampled,
-    /// The most likely one, to score.
+    /// The most likely one, to score; at nodes that the ant comes back to, by their probabilities.
     Greedy,
 }
 
@@ -154,6 +154,8 @@ pub struct Navigator {
     attempt: Option<Attempt>,
     /// Edges given up in this episode.
     given_up: Vec<(u32, u32)>,
+    /// Nodes that choices were made at in this episode.
+    visited: Vec<u32>,
     allowed: Vec<usize>,
     probabilities: Vec<(u32, f32)>,
 }
@@ -205,6 +207,7 @@ impl Navigator {
             goal_node: 0,
             attempt: None,
             given_up: vec![],
+            visited: vec![],
             allowed: vec![],
             probabilities: vec![],
         })
@@ -239,6 +242,7 @@ impl Navigator {
         }
         self.attempt = None;
         self.given_up.clear();
+        self.visited.clear();
     }
 
     /// Decides what to do at an observation (29 values).
@@ -327,6 +331,14 @@ impl Navigator {
     }
 
     fn choose(&mut self, node: u32, choosing: Choosing, rng: &mut impl Rng) -> Option<Chosen> {
+        // The most likely choices may lead round in a circle: where they led back to, the policy is
+        // taken at its word instead, which is a distribution.
+        let choosing = if self.visited.contains(&node) {
+            Choosing::Sampled
+        } else {
+            self.visited.push(node);
+            choosing
+        };
         let given_up = std::mem::take(&mut self.given_up);
         let first = self.pick(node, &given_up, choosing, rng);
         self.given_up = given_up;

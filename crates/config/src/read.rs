@@ -302,7 +302,7 @@ fn read_high(d: &mut Document<'_>, wanted: bool) -> High {
             arrival_reward: t.number("arrival_reward", 1.0, [0.0, 1000.0]),
             edge_cost: t.number("edge_cost", 0.02, [0.0, 1000.0]),
             max_edges: t.count("max_edges", 64, [1, 100_000]),
-            steps: t.count("steps", 1_500_000, [1, 10_000_000_000]),
+            steps: t.count("steps", 3_000_000, [1, 10_000_000_000]),
             physics_share: t.number("physics_share", 0.25, [0.0, 1.0]),
             planner: match t
                 .word("planner", "learned", &["learned", "search"])

@@ -236,9 +236,9 @@ pub struct High {
     pub minibatch: usize,
     /// PPO's clip.
     pub clip: f64,
-    /// Weight of the entropy bonus.
+    /// Weight of the entropy bonus, falling to nothing over the steps.
     pub entropy: f64,
-    /// Discount an edge.
+    /// Discount an edge of mean length.
     pub discount: f64,
     /// Lambda of the advantage estimate.
     pub gae_lambda: f64,

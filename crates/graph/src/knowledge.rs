@@ -16,9 +16,9 @@ pub enum Knowledge {
 
 /// Tries that the data's word counts as, once rollouts have theirs.
 const PRIOR: f32 = 2.0;
-/// Times that an edge is tried at most, when its cost is reckoned: below one try in ten no edge
+/// Times that an edge is tried at most, when its cost is reckoned: below one try in fifty no edge
 /// is worth its while, however near its end.
-const LEAST_RELIABILITY: f32 = 0.1;
+const LEAST_RELIABILITY: f32 = 0.02;
 
 impl Graph {
     /// How likely an edge leads where it should. The data's reachability stands for [`PRIOR`]
