@@ -16,7 +16,7 @@ use graph::{Graph, Pool};
 use maze::Layout;
 use wire::{
     Bus, DirectiveSubscriber, GraphPublisher, Metric, Module, Phase, Reader, Reporter, Role,
-    Rounds, RunDomain, State, Status, TrajectoryHeader, TrajectoryReceiver, Transition,
+    Rounds, RunDomain, State, Status, Trajectory, TrajectoryHeader, TrajectoryReceiver, Transition,
     WeightsSubscriber,
 };
 
@@ -77,6 +77,22 @@ struct Built {
     pool: Pool,
 }
 
+impl Built {
+    /// Learns from a trajectory: of its edges, and of new places where the graph is online.
+    fn take(
+        &mut self,
+        tries: &mut Tries,
+        online: bool,
+        header: &TrajectoryHeader,
+        record: &[Transition],
+    ) {
+        tries.book(&mut self.pool, header, record);
+        if online {
+            tries.explore(&mut self.pool, &mut self.encoder, header, record);
+        }
+    }
+}
+
 struct Builder<'a> {
     config: &'a Config,
     folder: &'a Path,
@@ -115,8 +131,11 @@ impl Builder<'_> {
             if directive.round == self.rounds.taken() + 1
                 && let Some(trajectories) = self.rounds.take(directive.episodes)
             {
-                for trajectory in &trajectories {
-                    self.book(&trajectory.header, &trajectory.steps);
+                let online = self.config.graph.online;
+                if let Some(built) = &mut self.built {
+                    for Trajectory { header, steps } in &trajectories {
+                        built.take(&mut self.tries, online, header, steps);
+                    }
                 }
                 self.publish()?;
                 self.status.round = self.rounds.taken();
@@ -160,26 +179,11 @@ impl Builder<'_> {
         let (built, tries, rounds) = (&mut self.built, &mut self.tries, &mut self.rounds);
         let online = self.config.graph.online;
         self.receiver.receive(64, |header, record| match built {
-            Some(built) if train && !deterministic => {
-                tries.book(&mut built.pool, header, record);
-                if online {
-                    tries.explore(&mut built.pool, &mut built.encoder, header, record);
-                }
-            }
+            Some(built) if train && !deterministic => built.take(tries, online, header, record),
             _ if train && deterministic => rounds.add(header, record),
             _ => {}
         });
         self.receiver.acknowledge();
-    }
-
-    fn book(&mut self, header: &TrajectoryHeader, record: &[Transition]) {
-        if let Some(built) = &mut self.built {
-            self.tries.book(&mut built.pool, header, record);
-            if self.config.graph.online {
-                self.tries
-                    .explore(&mut built.pool, &mut built.encoder, header, record);
-            }
-        }
     }
 
     /// Publishes the next version of the graph, and what it is worth.

@@ -54,29 +54,27 @@ impl Tries {
         let Some(graph) = self.versions.iter().find(|g| g.version == version) else {
             return;
         };
-        let mut open: Option<(usize, usize, usize)> = None;
-        for (t, step) in record.iter().enumerate() {
-            let reached = step.has(flags::REACHED);
-            if (reached || step.has(flags::FAILED))
-                && let Some((from, to, at)) = open.take()
-                && let (Some(&a), Some(&b)) = (graph.ids.get(from), graph.ids.get(to))
-                && pool.record(a, b, reached, t - at)
-            {
-                let edge = graph.edge(from as u32, to as u32);
-                let best = edge.map_or(1.0, |edge| f64::from(edge.least_steps.max(1.0)));
-                for tally in [&mut self.recent, &mut self.total] {
-                    tally.tried += 1;
-                    if reached {
-                        tally.reached += 1;
-                        tally.over_best += (t - at) as f64 / best;
-                    }
-                }
+        for (at, t) in wire::settled(record) {
+            let (start, end) = (&record[at], &record[t]);
+            let (from, to) = (start.node.max(0) as u32, start.subgoal.max(0) as u32);
+            let reached = end.has(flags::REACHED);
+            // Who arrives at the goal on the way there has not tried the edge to its end.
+            let tried = reached || end.has(flags::FAILED);
+            let id = |node: u32| graph.ids.get(node as usize).copied();
+            let (Some(a), Some(b)) = (id(from), id(to)) else {
+                continue;
+            };
+            if !tried || !pool.record(a, b, reached, t - at) {
+                continue;
             }
-            if step.has(flags::CHOICE)
-                && let (Ok(from), Ok(to)) =
-                    (usize::try_from(step.node), usize::try_from(step.subgoal))
-            {
-                open = Some((from, to, t));
+            let edge = graph.edge(from, to);
+            let best = edge.map_or(1.0, |edge| f64::from(edge.least_steps.max(1.0)));
+            for tally in [&mut self.recent, &mut self.total] {
+                tally.tried += 1;
+                if reached {
+                    tally.reached += 1;
+                    tally.over_best += (t - at) as f64 / best;
+                }
             }
         }
     }

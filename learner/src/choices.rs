@@ -5,32 +5,27 @@ use wire::{Transition, flags};
 
 /// The choices of a trajectory that were settled, and the node after the last. Tests have none.
 pub(crate) fn of(record: &[Transition]) -> (Vec<Settled>, u32) {
-    let mut found: Vec<Settled> = vec![];
-    let mut open: Option<(&Transition, usize)> = None;
-    let mut last = 0;
-    for (t, step) in record.iter().enumerate() {
-        if step.has(flags::TEST) {
-            return (vec![], 0);
+    if record.iter().any(|step| step.has(flags::TEST)) {
+        return (vec![], 0);
+    }
+    let (mut found, mut last) = (vec![], 0);
+    for (at, t) in wire::settled(record) {
+        let (start, end) = (&record[at], &record[t]);
+        if start.goal_node < 0 {
+            continue;
         }
-        let settled = step.has(flags::REACHED | flags::FAILED);
-        if let Some((start, at)) = open.filter(|_| settled || step.has(flags::SUCCESS)) {
-            let arrived = step.has(flags::SUCCESS) || step.node == start.goal_node;
-            found.push(Settled {
-                node: start.node.max(0) as u32,
-                goal: start.goal_node.max(0) as u32,
-                subgoal: start.subgoal.max(0) as u32,
-                log_prob: start.log_prob,
-                steps: (t - at) as u32,
-                arrived,
-            });
-            last = step.node.max(0) as u32;
-            open = None;
-            if arrived {
-                break;
-            }
-        }
-        if step.has(flags::CHOICE) && step.node >= 0 && step.subgoal >= 0 && step.goal_node >= 0 {
-            open = Some((step, t));
+        let arrived = end.has(flags::SUCCESS) || end.node == start.goal_node;
+        found.push(Settled {
+            node: start.node.max(0) as u32,
+            goal: start.goal_node.max(0) as u32,
+            subgoal: start.subgoal.max(0) as u32,
+            log_prob: start.log_prob,
+            steps: (t - at) as u32,
+            arrived,
+        });
+        last = end.node.max(0) as u32;
+        if arrived {
+            break;
         }
     }
     (found, last)

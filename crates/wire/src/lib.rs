@@ -16,6 +16,7 @@
 //! unacknowledged than a reader's buffer holds; sending then never blocks and never drops.
 
 mod bus;
+mod choices;
 mod domain;
 mod latest;
 mod records;
@@ -24,6 +25,7 @@ mod round;
 mod trajectories;
 
 pub use bus::{Bus, Limits, Waker, shared_memory_available};
+pub use choices::settled;
 pub use domain::{Leftover, RunDomain, clear, leftovers};
 pub use latest::{
     DirectivePublisher, DirectiveSubscriber, GraphPublisher, GraphSubscriber, Weights,
