@@ -19,6 +19,14 @@ ci:
 ceiling maze="large":
     cargo run --release -- ceiling configs/antmaze-{{maze}}-diverse.toml --episodes 300
 
+# Every role killed hundreds of times, at any moment; about an hour (docs/reliability.md)
+chaos:
+    cargo test --package system-tests --test chaos -- --ignored long_kills --nocapture --test-threads 1
+
+# An hour of full load: memory, descriptors, throughput
+soak:
+    cargo test --package system-tests --test chaos -- --ignored long_soak --nocapture
+
 # Dependencies against the rules of deny.toml (needs cargo-deny)
 deny:
     cargo deny check

@@ -5,88 +5,24 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Stdio};
-use std::sync::Mutex;
 use std::time::Duration;
 
-use system_tests::{children, eventually, formica, is_alive, shared_memory, text};
-
-static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
-
-/// A run of every part, too short to score well.
-const SMALL: &str = r#"
-[maze]
-layout = "umaze"
-[dataset]
-path = "data.hdf5"
-[collect]
-transitions = 12000
-[encoder]
-updates = 400
-hidden = [32, 32]
-[graph]
-nodes = 20
-refresh_seconds = 1.0
-[low]
-updates = 600
-hidden = [32, 32]
-[high]
-steps = 40000
-environments = 64
-minibatch = 1024
-[evaluation]
-episodes = 8
-max_steps = 300
-[rollouts]
-seconds = 2.0
-"#;
-
-fn start(folder: &Path, sets: &[&str]) -> Child {
-    std::fs::write(folder.join("small.toml"), SMALL).unwrap();
-    let mut command = formica(folder, &["launch", "small.toml"]);
-    sets.iter().for_each(|set| {
-        command.args(["--set", set]);
-    });
-    command
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
-}
-
-fn kill(pid: u32, signal: &str) {
-    let status = std::process::Command::new("kill")
-        .args([signal, &pid.to_string()])
-        .status();
-    assert!(status.unwrap().success());
-}
-
-/// Graph-builder, learner and two actors at work.
-fn all_started(launcher: &Child) -> bool {
-    eventually(Duration::from_secs(60), || children(launcher).len() == 4)
-}
-
-fn command_line(pid: u32) -> String {
-    let bytes = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-    String::from_utf8_lossy(&bytes).replace('\0', " ")
-}
-
-fn actors(launcher: &Child) -> Vec<u32> {
-    let own = |pid: &u32| command_line(*pid).contains(" actor ");
-    children(launcher).into_iter().filter(own).collect()
-}
+use system_tests::{
+    all_started, children, eventually, finished, formica, is_alive, kill, of_role, one_at_a_time,
+    piped, shared_memory, start, text,
+};
 
 #[test]
 fn a_run_ends_with_its_score_though_an_actor_was_killed() {
-    let _one = ONE_AT_A_TIME.lock();
+    let _one = one_at_a_time();
     let folder = tempfile::tempdir().unwrap();
     let launcher = start(folder.path(), &[]);
     assert!(all_started(&launcher));
-    let victim = actors(&launcher)[0];
+    let victim = of_role(&launcher, "actor")[0];
     std::thread::sleep(Duration::from_secs(3));
-    kill(victim, "-9");
+    assert!(kill(victim, "-9"));
     let back = eventually(Duration::from_secs(5), || {
-        let now = actors(&launcher);
+        let now = of_role(&launcher, "actor");
         now.len() == 2 && !now.contains(&victim)
     });
     assert!(back, "the actor is back within 5 s");
@@ -121,31 +57,57 @@ fn a_run_ends_with_its_score_though_an_actor_was_killed() {
     assert_eq!(shared_memory(&run), Vec::<String>::new());
 }
 
-/// Runs to the end; an actor is killed at the first line that says `kill_at`.
-fn run_to_the_end(folder: &Path, sets: &[&str], kill_at: Option<&str>) -> String {
+/// Who is killed at a line that the launcher says.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Blow {
+    /// A process of the role.
+    To(&'static str),
+    /// The launcher, after which the run is resumed.
+    ToLauncher,
+}
+
+/// Runs to the end; each blow falls so many milliseconds after the first line that says its word.
+fn run_to_the_end(folder: &Path, sets: &[&str], blows: &[(&str, u64, Blow)]) -> String {
     let mut launcher = start(folder, sets);
     let mut told = String::new();
-    let mut victim = kill_at;
-    for line in BufReader::new(launcher.stdout.take().unwrap()).lines() {
-        let line = line.unwrap();
-        if victim.is_some_and(|word| line.contains(word)) {
-            kill(actors(&launcher)[0], "-9");
-            victim = None;
+    let mut blows = blows.iter().peekable();
+    loop {
+        let mut resumed = false;
+        for line in BufReader::new(launcher.stdout.take().unwrap()).lines() {
+            let line = line.unwrap();
+            if let Some((_, delay, blow)) = blows.next_if(|(word, ..)| line.contains(word)) {
+                std::thread::sleep(Duration::from_millis(*delay));
+                match blow {
+                    Blow::To(role) => {
+                        let there = || !of_role(&launcher, role).is_empty();
+                        assert!(eventually(Duration::from_secs(10), there), "{told}");
+                        assert!(kill(of_role(&launcher, role)[0], "-9"));
+                    }
+                    Blow::ToLauncher => {
+                        launcher.kill().unwrap();
+                        resumed = true;
+                    }
+                }
+            }
+            told += &line;
+            told.push('\n');
         }
-        told += &line;
-        told.push('\n');
+        let output = launcher.wait_with_output().unwrap();
+        if !resumed {
+            assert!(output.status.success(), "{told}{}", text(&output));
+            assert_eq!(blows.next(), None, "{told}");
+            return told;
+        }
+        launcher = piped(&mut formica(folder, &["launch", "--resume", "small"]));
     }
-    let output = launcher.wait_with_output().unwrap();
-    assert!(output.status.success(), "{told}{}", text(&output));
-    assert_eq!(victim, None, "{told}");
-    told
 }
 
 #[test]
-fn a_deterministic_run_gives_the_same_result_even_if_an_actor_dies() {
-    let _one = ONE_AT_A_TIME.lock();
+fn a_deterministic_run_gives_the_same_result_whoever_dies() {
+    let _one = one_at_a_time();
     let rounds = [
         "run.deterministic=true",
+        "run.checkpoint_seconds=0.5",
         "rollouts.rounds=3",
         "rollouts.episodes=12",
         "rollouts.test_every=4",
@@ -153,12 +115,18 @@ fn a_deterministic_run_gives_the_same_result_even_if_an_actor_dies() {
         "dataset.leave_out=[[1, 2]]",
         "graph.growth_states=5",
         "low.updates=300",
+        "learner.pause_seconds=0.1",
+        "graph_builder.pause_seconds=0.1",
     ];
-    let result = |kill_at: Option<&str>| {
+    let result = |blows: &[(&str, u64, Blow)]| {
         let folder = tempfile::tempdir().unwrap();
-        let told = run_to_the_end(folder.path(), &rounds, kill_at);
-        assert_eq!(told.contains("restarts: 1"), kill_at.is_some(), "{told}");
+        let told = run_to_the_end(folder.path(), &rounds, blows);
+        assert!(told.contains("(0 lost, 0 refused)"), "{told}");
         let run = folder.path().join("runs/small");
+        let log = std::fs::read_to_string(run.join("logs/learner-0.log")).unwrap();
+        let deaths = |blow| blows.iter().any(|(.., b)| *b == blow);
+        let learned_before = deaths(Blow::To("learner")) || deaths(Blow::ToLauncher);
+        assert_eq!(log.contains("high goes on from"), learned_before, "{log}");
         [
             "checkpoints/encoder.safetensors",
             "checkpoints/low.safetensors",
@@ -168,25 +136,48 @@ fn a_deterministic_run_gives_the_same_result_even_if_an_actor_dies() {
         ]
         .map(|file| (file, std::fs::read(run.join(file)).unwrap()))
     };
-    let first = result(None);
-    for kill_at in [None, Some("round 2 of 3")] {
-        for ((file, first), (_, second)) in first.iter().zip(result(kill_at)) {
-            assert!(*first == second, "{file} differs, {kill_at:?}");
+    let first = result(&[]);
+    let (learner, builder) = (Blow::To("learner"), Blow::To("graph-builder"));
+    let blows: [&[(&str, u64, Blow)]; 2] = [
+        &[
+            ("run runs/small", 1500, learner),
+            ("round 1 of 3", 100, builder),
+            ("round 2 of 3", 0, Blow::To("actor")),
+            ("round 3 of 3", 200, learner),
+            ("evaluate: ", 100, builder),
+        ],
+        &[
+            ("run runs/small", 2000, Blow::ToLauncher),
+            ("round 1 of 3", 500, Blow::ToLauncher),
+            ("round 3 of 3", 100, Blow::ToLauncher),
+            ("evaluate: ", 500, Blow::ToLauncher),
+        ],
+    ];
+    for blows in blows {
+        for ((file, first), (_, second)) in first.iter().zip(result(blows)) {
+            assert!(*first == second, "{file} differs after {blows:?}");
         }
     }
 }
 
 #[test]
 fn an_interrupt_ends_all_in_order_and_leaves_nothing() {
-    let _one = ONE_AT_A_TIME.lock();
+    let _one = one_at_a_time();
     let folder = tempfile::tempdir().unwrap();
     let launcher = start(folder.path(), &["low.updates=1000000"]);
     assert!(all_started(&launcher));
     let family = children(&launcher);
     std::thread::sleep(Duration::from_secs(2));
-    kill(launcher.id(), "-INT");
-    let output = launcher.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", text(&output));
+    assert!(kill(launcher.id(), "-INT"));
+    let (code, told) = finished(launcher, Duration::from_secs(5));
+    assert_eq!(code, Some(130), "{told}");
+    let states = std::fs::read_dir(folder.path().join("runs/small/checkpoints")).unwrap();
+    let names = states.flatten().map(|file| file.file_name());
+    let low = |name: &std::ffi::OsString| name.to_string_lossy().starts_with("low-");
+    assert!(
+        names.into_iter().any(|name| low(&name)),
+        "no state was kept: {told}"
+    );
     assert!(family.iter().all(|pid| !is_alive(*pid)));
     assert_eq!(
         shared_memory(&folder.path().join("runs/small")),
@@ -196,7 +187,7 @@ fn an_interrupt_ends_all_in_order_and_leaves_nothing() {
 
 #[test]
 fn no_child_outlives_a_killed_launcher_and_doctor_clears_what_it_left() {
-    let _one = ONE_AT_A_TIME.lock();
+    let _one = one_at_a_time();
     let folder = tempfile::tempdir().unwrap();
     let mut launcher = start(folder.path(), &["low.updates=1000000"]);
     assert!(all_started(&launcher));

@@ -25,6 +25,7 @@ pub(crate) struct Inbox {
     /// The newest first.
     graphs: VecDeque<Graph>,
     walker: Option<Walker>,
+    latent: usize,
 }
 
 /// Versions of low, high and graph that act together.
@@ -46,6 +47,7 @@ impl Inbox {
             newest_high: None,
             graphs: VecDeque::new(),
             walker,
+            latent: config.encoder.latent,
         })
     }
 
@@ -53,36 +55,49 @@ impl Inbox {
     pub(crate) fn look(&mut self) -> bool {
         let mut news = false;
         for (subscriber, newest) in [
-            (&self.encoder, &mut self.newest_encoder),
-            (&self.low, &mut self.newest_low),
-            (&self.high, &mut self.newest_high),
+            (&mut self.encoder, &mut self.newest_encoder),
+            (&mut self.low, &mut self.newest_low),
+            (&mut self.high, &mut self.newest_high),
         ] {
             if let Some(weights) = subscriber.latest() {
                 *newest = Some(weights);
                 news = true;
             }
         }
-        if let Some((_, bytes)) = self.graph.latest() {
-            match Graph::from_bytes(&bytes) {
-                Ok(graph) => {
-                    self.graphs.push_front(graph);
-                    self.graphs.truncate(KEPT);
-                    news = true;
-                }
-                Err(error) => eprintln!("actor: a graph was refused: {error}"),
-            }
+        let latent = self.latent;
+        let graph = self.graph.latest(|bytes| match Graph::from_bytes(bytes) {
+            Ok(graph) if graph.latent_dim == latent => Ok(graph),
+            Ok(_) => Err("its latents are of another width".to_owned()),
+            Err(error) => Err(error.to_string()),
+        });
+        if let Some(graph) = graph {
+            self.graphs.push_front(graph);
+            self.graphs.truncate(KEPT);
+            news = true;
         }
         news
     }
 
+    /// What was refused at the door.
+    pub(crate) fn refused(&self) -> u64 {
+        let weights = [&self.encoder, &self.low, &self.high];
+        self.graph.refused() + weights.map(WeightsSubscriber::refused).iter().sum::<u64>()
+    }
+
     /// A navigator of the newest parts that fit each other, and their versions; none until all
-    /// are there. Weights of the high level fit the graphs of one structure alone.
-    pub(crate) fn navigator(&self, config: &Config) -> Option<(Navigator, Versions)> {
+    /// are there. Weights of the high level fit the graphs of one structure alone. Where versions
+    /// are wanted, of exactly these.
+    pub(crate) fn navigator(
+        &self,
+        config: &Config,
+        wanted: Option<Versions>,
+    ) -> Option<(Navigator, Versions)> {
+        let asked = |graph: &&Graph| wanted.is_none_or(|[.., version]| graph.version == version);
         let (graph, planner, high_version) = match config.high.planner {
-            config::Planner::Search => (self.graphs.front()?, Planner::Search, 0),
+            config::Planner::Search => (self.graphs.iter().find(asked)?, Planner::Search, 0),
             config::Planner::Learned => {
                 let high = self.newest_high.as_ref()?;
-                let fits = |graph: &&Graph| graph.structure() == high.shape_hash;
+                let fits = |graph: &&Graph| graph.structure() == high.shape_hash && asked(graph);
                 let graph = self.graphs.iter().find(fits)?;
                 let latent = config.encoder.latent;
                 let policy = high::Policy::new(latent, graph.len(), &config.high.hidden);
@@ -99,6 +114,10 @@ impl Inbox {
                 (controller, weights.version)
             }
         };
+        let versions = [low_version, high_version, graph.version];
+        if wanted.is_some_and(|wanted| wanted != versions) {
+            return None;
+        }
         let shape = vae::Shape::new(config.encoder.latent, &config.encoder.hidden);
         let encoder = vae::Encoder::new(shape, &self.newest_encoder.as_ref()?.values)?;
         let navigator = Navigator::new(
@@ -108,7 +127,7 @@ impl Inbox {
             controller,
             planner,
         )?;
-        Some((navigator, [low_version, high_version, graph.version]))
+        Some((navigator, versions))
     }
 }
 

@@ -4,6 +4,7 @@
 //! it acts with the newest weights it has, and waits only when its window of unacknowledged
 //! trajectories is full.
 
+mod attach;
 pub mod ceiling;
 pub mod collect;
 mod inbox;
@@ -23,16 +24,19 @@ use wire::{Bus, RunDomain};
 /// Rows of a trajectory of the hierarchy, its final row included.
 pub const TRAJECTORY_STEPS: usize = navigate::TRAJECTORY_STEPS;
 
-/// What every role is told.
+/// What an actor is told: by the launcher, its place in a run; by anyone else, a run to attach to.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Args {
-    /// The run's domain of channels (8 hexadecimal digits)
-    #[arg(long)]
-    pub domain: String,
-    /// The run's folder
-    #[arg(long)]
-    pub folder: PathBuf,
-    /// This actor's number
+    /// Join this run, by its name or folder, as one more actor, until Ctrl-C
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["domain", "folder", "id"])]
+    pub attach: Option<String>,
+    /// The run's domain of channels (8 hexadecimal digits; set by launch)
+    #[arg(long, required_unless_present = "attach")]
+    pub domain: Option<String>,
+    /// The run's folder (set by launch)
+    #[arg(long, required_unless_present = "attach")]
+    pub folder: Option<PathBuf>,
+    /// This actor's number (set by launch)
     #[arg(long, default_value_t = 0)]
     pub id: u32,
 }
@@ -42,15 +46,47 @@ pub struct Args {
 /// # Errors
 /// A run that is not there, a channel that cannot be used, a config that cannot be read.
 pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
-    let config = Config::load(&args.folder.join("config.toml"), &[])?;
+    let (folder, domain) = match (&args.attach, &args.domain, &args.folder) {
+        (Some(run), ..) => attach::find(run)?,
+        (None, Some(domain), Some(folder)) => (folder.clone(), RunDomain::open(domain)?),
+        _ => anyhow::bail!("give --attach RUN; --domain and --folder are for launch"),
+    };
+    let config = Config::load(&folder.join("config.toml"), &[])?;
     let layout = layout(&config)?;
-    let domain = RunDomain::open(&args.domain)?;
-    let bus = Bus::join(&domain, &format!("actor-{}", args.id))?;
     let stopped = || stop.load(Ordering::Relaxed);
-    match config.run.kind {
-        Kind::Walker => walk::run(&config, &layout, &bus, args.id, &stopped),
-        Kind::Offline => navigate::run(&config, &layout, &args.folder, &bus, args.id, &stopped),
+    let attached = args.attach.is_some();
+    let name = if attached { "attached" } else { "actor" };
+    let bus = Bus::join(&domain, name)?;
+    let claim = if attached {
+        bus.claim_any(config.topology.actors as u32)?
+    } else {
+        bus.claim(args.id)?
+    };
+    let ended = attached.then(|| attach::watch(&domain, stop));
+    if attached {
+        println!(
+            "attached to {} as actor {}; Ctrl-C to leave",
+            folder.display(),
+            claim.actor
+        );
     }
+    let sent = match config.run.kind {
+        Kind::Walker => walk::run(&config, &layout, &bus, claim, &stopped),
+        Kind::Offline => navigate::run(&config, &layout, &folder, &bus, claim, &stopped),
+    }?;
+    if let Some(ended) = ended {
+        let sound = if sent.acknowledged { "all" } else { "not all" };
+        println!(
+            "left after {} transitions, {sound} acknowledged",
+            sent.transitions
+        );
+        anyhow::ensure!(
+            !ended.load(Ordering::Relaxed),
+            "the run in {} is no longer alive",
+            folder.display()
+        );
+    }
+    Ok(())
 }
 
 /// The config's maze.

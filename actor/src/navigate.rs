@@ -15,8 +15,8 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use trace::{EpisodeWriter, Scene, StepMessage, StepRecord};
 use wire::{
-    Bus, Directive, DirectiveSubscriber, EpisodeResult, Metric, Phase, Reporter, Role, State,
-    Status, TrajectoryHeader, TrajectorySender, Transition, flags,
+    Bus, Claim, Directive, DirectiveSubscriber, Drained, EpisodeResult, Metric, Phase, Reporter,
+    Role, State, Status, TrajectoryHeader, TrajectorySender, Transition, flags,
 };
 
 use crate::inbox::{Inbox, Versions};
@@ -34,6 +34,8 @@ struct Actor<'a> {
     navigator: Option<Navigator>,
     /// Versions that the navigator is of.
     versions: Versions,
+    /// Versions that it was made for, where they were given.
+    wanted: Option<Versions>,
     sender: TrajectorySender,
     directives: DirectiveSubscriber,
     reporter: Reporter,
@@ -99,9 +101,10 @@ pub(crate) fn run(
     layout: &Layout,
     folder: &Path,
     bus: &Bus,
-    id: u32,
+    claim: Claim,
     stopped: &dyn Fn() -> bool,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Drained> {
+    let id = claim.actor;
     let reporter = Reporter::new(bus)?;
     let status = Status {
         role: Role::Actor as u32,
@@ -118,7 +121,8 @@ pub(crate) fn run(
         inbox: Inbox::new(config, bus)?,
         navigator: None,
         versions: [0; 3],
-        sender: TrajectorySender::connect(bus, id, Duration::from_secs(120))?,
+        wanted: None,
+        sender: TrajectorySender::connect(bus, claim, Duration::from_secs(120))?,
         directives: DirectiveSubscriber::new(bus)?,
         reporter,
         status,
@@ -129,10 +133,15 @@ pub(crate) fn run(
         kept: [false; 2],
         stopped,
     };
+    actor.status.state = State::Waiting as u32;
+    actor.reporter.status(&actor.status);
     actor.work()?;
     let drained = actor.sender.drain(Duration::from_secs(3));
     actor.status.sent = drained.transitions;
-    actor.status.state = State::Finished as u32;
+    actor.status.acknowledged = actor.sender.acknowledged();
+    if drained.acknowledged {
+        actor.status.state = State::Finished as u32;
+    }
     actor.reporter.status(&actor.status);
     if !stopped() {
         anyhow::ensure!(
@@ -140,7 +149,7 @@ pub(crate) fn run(
             "not all trajectories were acknowledged"
         );
     }
-    Ok(())
+    Ok(drained)
 }
 
 impl Actor<'_> {
@@ -154,27 +163,37 @@ impl Actor<'_> {
             }
             self.pulse();
             let directive = self.directives.latest();
+            // Only rounds and the evaluation have episodes by number, and versions of their own.
+            let numbered = match directive.phase() {
+                Phase::Finish => return Ok(()),
+                Phase::Evaluate => true,
+                Phase::Train => self.config.run.deterministic && directive.round > 0,
+                Phase::Settle => false,
+            };
+            let wanted = numbered.then_some([
+                directive.low_version,
+                directive.high_version,
+                directive.graph_version,
+            ]);
             // What does not fit together yet is left for what does.
-            if self.inbox.look()
-                && let Some((navigator, versions)) = self.inbox.navigator(self.config)
+            if (self.inbox.look() || wanted != self.wanted)
+                && let Some((navigator, versions)) = self.inbox.navigator(self.config, wanted)
             {
                 self.navigator = Some(navigator);
                 self.versions = versions;
                 self.status.versions = versions;
+                self.wanted = wanted;
             }
-            // Only rounds and the evaluation have episodes by number.
             let numbered = match directive.phase() {
-                Phase::Finish => return Ok(()),
-                Phase::Evaluate => self.is_current(&directive),
-                Phase::Train if self.config.run.deterministic => {
-                    directive.round > 0 && self.is_current(&directive)
+                _ if numbered => {
+                    self.navigator.is_some() && wanted.is_some_and(|w| w == self.versions)
                 }
-                Phase::Train if self.navigator.is_some() => {
+                Phase::Train if !self.config.run.deterministic && self.navigator.is_some() => {
                     self.status.state = State::Working as u32;
                     self.roll_out(&mut rng)?;
                     continue;
                 }
-                Phase::Train | Phase::Settle => false,
+                _ => false,
             };
             unreported = unreported.filter(|result| {
                 result.round == directive.round && !directive.is_done(result.episode)
@@ -263,27 +282,24 @@ impl Actor<'_> {
     fn pulse(&mut self) {
         if self.pulse.elapsed() > Duration::from_millis(500) {
             self.status.sent = self.sender.transitions();
+            self.status.acknowledged = self.sender.acknowledged();
+            self.status.refused =
+                self.sender.refused() + self.inbox.refused() + self.directives.refused();
             self.reporter.status(&self.status);
             self.pulse = Instant::now();
         }
     }
 
-    /// Whether the weights are those that the evaluation asks for.
-    fn is_current(&self, directive: &Directive) -> bool {
-        let [low, high, graph] = self.versions;
-        self.navigator.is_some()
-            && low >= directive.low_version
-            && high >= directive.high_version
-            && graph >= directive.graph_version
-    }
-
-    /// The next of this actor's share that is not done: every `actors`-th episode, and those of
-    /// nobody's share for actors beyond the planned ones.
+    /// The next episode that is not done: of this actor's share, every `actors`-th, from the
+    /// first on; then, and for actors that are attached, of the others' from the last on, which
+    /// they come to last. An episode that two play is the same twice.
     fn next_episode(&self, directive: &Directive) -> Option<u32> {
         let actors = self.config.topology.actors as u32;
-        (self.id..directive.episodes)
-            .step_by(actors as usize)
-            .find(|i| !directive.is_done(*i))
+        let open = |i: &u32| !directive.is_done(*i);
+        let own = (self.id < actors)
+            .then(|| (self.id..directive.episodes).step_by(actors as usize))
+            .and_then(|mut share| share.find(open));
+        own.or_else(|| (0..directive.episodes).rev().find(open))
     }
 
     fn evaluate(&mut self, episode: u32) -> anyhow::Result<Option<EpisodeResult>> {
@@ -541,7 +557,8 @@ impl Actor<'_> {
             episode: self.episode,
             first_step,
             round: self.round,
-            weights_version: low.max(high),
+            low_version: low,
+            weights_version: high,
             graph_version: graph,
             ..TrajectoryHeader::default()
         };

@@ -11,8 +11,8 @@ use maze::{
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use wire::{
-    Bus, DirectiveSubscriber, Module, Phase, Reporter, Role, State, Status, TrajectoryHeader,
-    TrajectorySender, Transition, WeightsSubscriber, flags,
+    Bus, Claim, DirectiveSubscriber, Drained, Module, Phase, Reporter, Role, State, Status,
+    TrajectoryHeader, TrajectorySender, Transition, WeightsSubscriber, flags,
 };
 
 /// Below this an ant has fallen and its episode ends.
@@ -170,9 +170,10 @@ pub(crate) fn run(
     config: &Config,
     layout: &Layout,
     bus: &Bus,
-    id: u32,
+    claim: Claim,
     stopped: &dyn Fn() -> bool,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Drained> {
+    let id = claim.actor;
     let w = &config.walker;
     let settings = Settings {
         top_speed: w.top_speed as f32,
@@ -189,8 +190,8 @@ pub(crate) fn run(
         ..Status::default()
     };
     reporter.status(&status);
-    let mut sender = TrajectorySender::connect(bus, id, Duration::from_secs(60))?;
-    let subscriber = WeightsSubscriber::new(bus, Module::Walker)?;
+    let mut sender = TrajectorySender::connect(bus, claim, Duration::from_secs(60))?;
+    let mut subscriber = WeightsSubscriber::new(bus, Module::Walker)?;
 
     let policy = Policy::new(&w.hidden);
     let count = w.environments;
@@ -220,6 +221,8 @@ pub(crate) fn run(
         }
         if pulse.elapsed() > Duration::from_millis(500) {
             status.sent = sender.transitions();
+            status.acknowledged = sender.acknowledged();
+            status.refused = sender.refused() + subscriber.refused() + directives.refused();
             reporter.status(&status);
             pulse = Instant::now();
         }
@@ -263,7 +266,10 @@ pub(crate) fn run(
     }
     let drained = sender.drain(Duration::from_secs(3));
     status.sent = drained.transitions;
-    status.state = State::Finished as u32;
+    status.acknowledged = sender.acknowledged();
+    if drained.acknowledged {
+        status.state = State::Finished as u32;
+    }
     reporter.status(&status);
     if !stopped() {
         anyhow::ensure!(
@@ -271,5 +277,5 @@ pub(crate) fn run(
             "the learner did not acknowledge all trajectories"
         );
     }
-    Ok(())
+    Ok(drained)
 }

@@ -7,13 +7,17 @@ mod tries;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
 use agents::vae::Encoder;
+use anyhow::Context;
 use config::Config;
 use dataset::Dataset;
+use durable::{Stamp, States};
 use graph::{Graph, Pool};
 use maze::Layout;
+use serde::{Deserialize, Serialize};
 use wire::{
     Bus, DirectiveSubscriber, GraphPublisher, Metric, Module, Phase, Reader, Reporter, Role,
     Rounds, RunDomain, State, Status, Trajectory, TrajectoryHeader, TrajectoryReceiver, Transition,
@@ -49,7 +53,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     };
     status.set_text("loading the data set");
     reporter.status(&status);
-    let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder)?;
+    let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder, &args.folder)?;
     let data = Dataset::open(Path::new(&config.dataset.path))?;
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
     let data = data.without(|place| config.dataset.leaves_out(layout.cell_at(place)));
@@ -60,15 +64,27 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
         receiver,
         reporter,
         status,
+        states: States::new(&args.folder.join("checkpoints"), "graph"),
+        building: None,
         built: None,
         tries: Tries::default(),
         rounds: Rounds::default(),
         published: Instant::now(),
+        began: Instant::now(),
         config: &config,
         folder: &args.folder,
         layout: &layout,
     }
-    .work(&data, stop)
+    .work(&Arc::new(data), stop)
+}
+
+/// What a successor goes on from.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    pool: Pool,
+    /// The version that was published with it.
+    graph: Vec<u8>,
+    total: Tally,
 }
 
 /// What the encoder's weights made.
@@ -103,16 +119,24 @@ struct Builder<'a> {
     receiver: TrajectoryReceiver,
     reporter: Reporter,
     status: Status,
+    states: States,
+    /// A thread that builds.
+    building: Option<Receiver<anyhow::Result<Built>>>,
     built: Option<Built>,
     tries: Tries,
     rounds: Rounds,
     published: Instant,
+    began: Instant,
 }
 
 impl Builder<'_> {
-    fn work(mut self, data: &Dataset, stop: &AtomicBool) -> anyhow::Result<()> {
+    fn work(mut self, data: &Arc<Dataset>, stop: &AtomicBool) -> anyhow::Result<()> {
         self.status.state = State::Waiting as u32;
         self.status.set_text("waits for the encoder");
+        self.reporter.status(&self.status);
+        let Some(mut kept) = self.kept(stop) else {
+            return Ok(());
+        };
         let refresh = Duration::from_secs_f64(self.config.graph.refresh_seconds);
         let mut pulse = Instant::now();
         while !stop.load(Ordering::Relaxed) {
@@ -121,9 +145,14 @@ impl Builder<'_> {
             self.receive(phase);
             if let Some(weights) = self.weights.latest()
                 && self.built.is_none()
+                && self.building.is_none()
             {
-                self.build(data, &weights.values)?;
+                match kept.take() {
+                    Some(kept) => self.restore(kept, &weights.values)?,
+                    None => self.build(data, weights.values),
+                }
             }
+            self.adopt()?;
             let due = self.tries.recent.tried > 0 && self.published.elapsed() >= refresh;
             if due && phase == Phase::Train && !self.config.run.deterministic {
                 self.publish()?;
@@ -138,7 +167,6 @@ impl Builder<'_> {
                     }
                 }
                 self.publish()?;
-                self.status.round = self.rounds.taken();
             }
             if phase == Phase::Settle && self.built.is_some() {
                 self.status.state = State::Settled as u32;
@@ -159,16 +187,80 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn build(&mut self, data: &Dataset, weights: &[f32]) -> anyhow::Result<()> {
-        let start = Instant::now();
+    /// What the one before left: some of nothing where there is nothing, and nothing where the
+    /// process shall end before that is known.
+    fn kept(&mut self, stop: &AtomicBool) -> Option<Option<Kept>> {
+        let mut rounds = u32::MAX;
+        if self.config.run.deterministic {
+            // The launcher knows which rounds all have learned from.
+            let mut directive = self.directives.latest();
+            while !self.directives.heard() {
+                if stop.load(Ordering::Relaxed) {
+                    return None;
+                }
+                self.receiver.wait(Duration::from_millis(50));
+                directive = self.directives.latest();
+            }
+            rounds = directive.round;
+            self.rounds = Rounds::after(rounds);
+            self.status.round = rounds;
+        }
+        let newest = self.states.newest::<Kept>(rounds);
+        for damaged in &newest.damaged {
+            eprintln!("graph-builder: {damaged}; going on from the one before");
+        }
+        let sound = newest.state.filter(|(_, kept)| kept.pool.is_sound());
+        Some(sound.map(|(stamp, kept)| {
+            eprintln!("graph-builder: going on from version {}", stamp.number);
+            self.states.forget_after(stamp.number);
+            kept
+        }))
+    }
+
+    /// Goes on from what the one before left.
+    fn restore(&mut self, kept: Kept, weights: &[f32]) -> anyhow::Result<()> {
+        let encoder = build::encoder(self.config, weights)?;
+        let graph = Graph::from_bytes(&kept.graph).context("the graph that was kept")?;
+        self.built = Some(Built {
+            encoder,
+            pool: kept.pool,
+        });
+        self.tries.total = kept.total;
+        self.announce(graph)
+    }
+
+    /// Begins to build, on a thread: actors are answered meanwhile.
+    fn build(&mut self, data: &Arc<Dataset>, weights: Vec<f32>) {
         self.status.state = State::Working as u32;
         self.status.set_text("building the graph");
-        self.reporter.status(&self.status);
-        let mut encoder = build::encoder(self.config, weights)?;
-        let pool = build::pool(self.config, data, &mut encoder)?;
-        self.built = Some(Built { encoder, pool });
+        let (sender, receiver) = mpsc::channel();
+        self.building = Some(receiver);
+        let (config, data) = (self.config.clone(), Arc::clone(data));
+        // It ends with the process, should that end first.
+        std::thread::spawn(move || {
+            let build = || {
+                let mut encoder = build::encoder(&config, &weights)?;
+                let pool = build::pool(&config, &data, &mut encoder)?;
+                Ok(Built { encoder, pool })
+            };
+            let _ = sender.send(build());
+        });
+        self.began = Instant::now();
+    }
+
+    /// Takes what was built, once it is.
+    fn adopt(&mut self) -> anyhow::Result<()> {
+        let Some(building) = &self.building else {
+            return Ok(());
+        };
+        match building.try_recv() {
+            Err(TryRecvError::Empty) => return Ok(()),
+            Err(TryRecvError::Disconnected) => anyhow::bail!("the thread that builds panicked"),
+            Ok(built) => self.built = Some(built?),
+        }
+        self.building = None;
         self.publish()?;
-        self.metric("time/graph_s", start.elapsed().as_secs_f64());
+        self.metric("time/graph_s", self.began.elapsed().as_secs_f64());
         Ok(())
     }
 
@@ -192,12 +284,25 @@ impl Builder<'_> {
             return Ok(());
         };
         let (graph, share, added) = built.pool.renew();
-        self.publisher.publish(graph.version, &graph.to_bytes())?;
-        graph.save(&self.folder.join("graph.bin"))?;
-        self.published = Instant::now();
-        self.status.versions[2] = graph.version;
-        self.status.state = State::Trained as u32;
+        let bytes = graph.to_bytes();
         let tally = self.tries.recent;
+        // Kept before it is published: no successor gives a number to another graph.
+        let kept = Kept {
+            pool: built.pool.clone(),
+            graph: bytes,
+            total: self.tries.total,
+        };
+        let stamp = Stamp {
+            number: graph.version,
+            round: self.rounds.taken(),
+        };
+        if let Err(error) = self.states.save(stamp, &kept) {
+            eprintln!("graph-builder: no state was kept, the one before stays: {error}");
+        }
+        // Without its file the graph still is what everyone works with.
+        if let Err(error) = graph.save(&self.folder.join("graph.bin")) {
+            eprintln!("graph-builder: {error}");
+        }
         if tally.tried > 0 {
             let reached = tally.reached.max(1) as f64;
             self.metric("graph/edges_tried", self.tries.total.tried as f64);
@@ -215,12 +320,22 @@ impl Builder<'_> {
             self.metric("graph/nodes_added", added as f64);
             self.measure(&graph);
         }
+        self.announce(graph)
+    }
+
+    /// Publishes a version.
+    fn announce(&mut self, graph: Graph) -> anyhow::Result<()> {
+        self.publisher.publish(graph.version, &graph.to_bytes())?;
+        self.published = Instant::now();
+        self.status.versions[2] = graph.version;
+        self.status.round = self.rounds.taken();
+        self.status.state = State::Trained as u32;
         self.tries.publish(graph);
         Ok(())
     }
 
     fn metric(&self, name: &str, value: f64) {
-        let step = self.status.versions[2];
+        let step = self.tries.newest().map_or(0, |graph| graph.version);
         self.reporter
             .metric(&Metric::new(Role::GraphBuilder, 0, name, step, value));
     }
@@ -256,6 +371,7 @@ impl Builder<'_> {
             ));
         }
         self.receiver.report(s);
+        s.refused += self.weights.refused() + self.directives.refused();
         self.reporter.status(s);
     }
 }

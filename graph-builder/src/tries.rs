@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use graph::{Graph, Pool, Segments};
 use maze::upright;
+use serde::{Deserialize, Serialize};
 use wire::{TrajectoryHeader, Transition, flags};
 
 use crate::build::UPRIGHT;
@@ -12,7 +13,7 @@ use crate::build::UPRIGHT;
 const REMEMBERED: usize = 64;
 
 /// What became of the edges that were tried since the last version.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Tally {
     pub(crate) tried: u64,
     pub(crate) reached: u64,
@@ -93,12 +94,17 @@ impl Tries {
             .collect();
         self.latents.clear();
         encoder.encode(places.iter().copied(), &mut self.latents);
-        // Names of rollouts are not those of the data's episodes, which count from 0.
+        // Names of rollouts are not those of the data's episodes, which count from 0. An episode of
+        // a round is the same whoever plays it.
         let name = (1 << 63)
-            | u64::from(header.actor) << 52
-            | u64::from(header.incarnation) << 24
-            | u64::from(header.round) << 16
-            | header.episode;
+            | match header.round {
+                0 => {
+                    u64::from(header.incarnation) << 31
+                        ^ u64::from(header.actor) << 24
+                        ^ header.episode
+                }
+                round => u64::from(round) << 32 | header.episode,
+            };
         pool.add(&Segments {
             latents: &self.latents,
             places: &places,

@@ -23,19 +23,33 @@ pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Con
                 }
             }
         }
-        let needed = limits(config).shared_memory_bytes();
-        if needed > available {
-            let message = format!(
-                "/dev/shm has {} MiB free and the run can need {} MiB; free some (see `formica \
-                 doctor`), or lower topology.window or topology.max_actors",
-                available >> 20,
-                needed.div_ceil(1 << 20)
-            );
+        if let Some(message) = too_little(config, available) {
             faults.push(("topology.window", message));
         }
         faults
     })?;
     Ok(config)
+}
+
+/// What is wrong where shared memory does not hold the run.
+fn too_little(config: &Config, available: u64) -> Option<String> {
+    let needed = limits(config).shared_memory_bytes();
+    (needed > available).then(|| {
+        format!(
+            "/dev/shm has {} MiB free and the run can need {} MiB; free some (see `formica \
+             doctor`), or lower topology.window or topology.max_actors",
+            available >> 20,
+            needed.div_ceil(1 << 20)
+        )
+    })
+}
+
+/// Checks what a run that is resumed needs of the machine; its config was checked before.
+pub(crate) fn resources(config: &Config) -> anyhow::Result<()> {
+    match too_little(config, wire::shared_memory_available()?) {
+        Some(message) => anyhow::bail!(message),
+        None => Ok(()),
+    }
 }
 
 /// Sizes of the run's channels.

@@ -60,7 +60,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let groups = grouped(runs);
     let picture = chart(&groups, &args.metric).svg();
-    folder::write_whole(&args.out, picture.as_bytes())?;
+    folder::write(&args.out, picture.as_bytes())?;
     print!("{}", table(&groups));
     println!("the picture is {}", args.out.display());
     Ok(ExitCode::SUCCESS)

@@ -1,43 +1,66 @@
 //! The whole run under supervision.
 
+use std::cell::Cell;
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
 use config::{Config, Kind};
 use rustix::process::Signal;
 use wire::{
-    Bus, Directive, DirectivePublisher, EpisodeResult, Phase, ReportReader, Role, RunDomain, State,
-    Status,
+    Bus, Directive, DirectivePublisher, EpisodeResult, MAX_ACTORS, Phase, ReportReader, Role,
+    RunDomain, State, Status,
 };
 
+use crate::accounts::Accounts;
 use crate::children::{Children, Ended};
+use crate::folder::RunFolder;
 use crate::interrupts::Interrupts;
 use crate::progress::{MetricsFile, Progress, Statuses};
+use crate::saved::{Saved, Saver};
 use crate::stages::Times;
-use crate::{check, folder, role, stages};
+use crate::{check, folder, role, score, stages};
 
 /// How often children, reports and dead nodes are looked after.
 const TICK: Duration = Duration::from_millis(50);
 /// Dead nodes are swept this often: an actor that died must not hold a place on a channel.
 const SWEEP: Duration = Duration::from_millis(200);
+/// A tick that took longer shows that the launcher itself stood still.
+const STOOD_STILL: Duration = Duration::from_secs(2);
 /// From the word to finish to SIGTERM, and from there to SIGKILL.
-const PATIENCE: Duration = Duration::from_secs(8);
-const HURRY: Duration = Duration::from_secs(4);
+const PATIENCE: [Duration; 2] = [Duration::from_secs(8), Duration::from_secs(4)];
+/// The same for a run that ends before its time: within 5 s in all.
+const HASTE: [Duration; 2] = [Duration::from_millis(2500), Duration::from_millis(1500)];
+/// Roles that learn from rounds together.
+const LEARNERS: [Role; 2] = [Role::GraphBuilder, Role::Learner];
 
 struct Run<'c> {
     config: &'c Config,
+    folder: &'c Path,
     bus: Bus,
     directives: DirectivePublisher,
     directive: Directive,
     reports: ReportReader,
     children: Children,
     statuses: Statuses,
+    accounts: Accounts,
     metrics: MetricsFile,
     progress: Progress,
+    saver: Saver,
+    /// Whether all weights are there.
+    trained: bool,
+    /// When the present part began.
+    began: Instant,
+    /// Versions of low, high and graph that the results are of.
+    evaluated: [u64; 3],
     /// Of the evaluation.
     results: Vec<Option<EpisodeResult>>,
     times: Times,
+    /// Of processes, by earlier launchers of the run.
+    restarts_before: usize,
+    /// Learner and graph-builder are to go on from a round that both have learned from.
+    rewinding: bool,
+    refused: u64,
     interrupts: Interrupts,
     /// Why the run ends before its time.
     failure: Option<String>,
@@ -46,6 +69,44 @@ struct Run<'c> {
 /// Launches a run and stays until it has ended.
 pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
     let interrupts = Interrupts::listen()?;
+    clear_dead();
+    let start = Instant::now();
+    if let Some(code) = collect(config, &interrupts)? {
+        return Ok(code);
+    }
+    let saved = Saved {
+        times: Times {
+            collect: start.elapsed(),
+            ..Times::default()
+        },
+        ..Saved::default()
+    };
+    let folder = folder::create(config)?;
+    println!(
+        "run {} with config {}",
+        folder.path.display(),
+        config.hash()
+    );
+    host(config, &folder, saved, interrupts)
+}
+
+/// Goes on with a run that was stopped, or whose launcher died.
+pub(crate) fn resume(name: &str) -> anyhow::Result<ExitCode> {
+    let interrupts = Interrupts::listen()?;
+    clear_dead();
+    let (folder, config) = folder::reopen(name)?;
+    check::resources(&config)?;
+    let saved = Saver::new(&folder.path).load().unwrap_or_default();
+    println!(
+        "run {} goes on after {:.0} s, with config {}",
+        folder.path.display(),
+        saved.seconds,
+        config.hash()
+    );
+    host(&config, &folder, saved, interrupts)
+}
+
+fn clear_dead() {
     for dead in wire::leftovers().iter().filter(|run| !run.alive) {
         if wire::clear(dead) {
             println!(
@@ -54,45 +115,11 @@ pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
             );
         }
     }
-    let start = Instant::now();
-    if let Some(code) = collect(config, &interrupts)? {
-        return Ok(code);
-    }
-    let times = Times {
-        collect: start.elapsed(),
-        ..Times::default()
-    };
-    let folder = folder::create(config)?;
-    println!("run {} with config {}", folder.display(), config.hash());
-    let domain = RunDomain::create()?;
-    folder::write_whole(&folder.join("domain"), domain.id().as_bytes())?;
-    let bus = Bus::host(&domain, &check::limits(config))?;
-    let window = Duration::from_secs_f64(config.topology.restart_window_seconds);
-    let mut run = Run {
-        config,
-        directives: DirectivePublisher::new(&bus)?,
-        directive: Directive::default(),
-        reports: ReportReader::new(&bus)?,
-        bus,
-        children: Children::new(&folder, domain.id(), config.topology.restarts, window),
-        statuses: Statuses::new(),
-        metrics: MetricsFile::create(&folder.join("metrics.csv"))?,
-        progress: Progress::new(),
-        results: vec![None; config.evaluation.episodes],
-        times,
-        interrupts,
-        failure: None,
-    };
-    let outcome = run.supervise();
-    let report = outcome.and_then(|()| run.report(&folder));
-    drop(run);
-    domain.remove();
-    report
 }
 
 /// Makes the data set where it is missing. Some exit code when a signal stopped that.
 fn collect(config: &Config, interrupts: &Interrupts) -> anyhow::Result<Option<ExitCode>> {
-    let missing = !std::path::Path::new(&config.dataset.path).exists();
+    let missing = !Path::new(&config.dataset.path).exists();
     if config.run.kind == Kind::Walker || config.collect.is_none() || !missing {
         return Ok(None);
     }
@@ -100,21 +127,96 @@ fn collect(config: &Config, interrupts: &Interrupts) -> anyhow::Result<Option<Ex
     role::collect(config, interrupts)
 }
 
+/// Makes the channels, and supervises the processes that use them.
+fn host(
+    config: &Config,
+    folder: &RunFolder,
+    saved: Saved,
+    interrupts: Interrupts,
+) -> anyhow::Result<ExitCode> {
+    let folder = &folder.path;
+    let domain = RunDomain::create()?;
+    let bus = Bus::host(&domain, &check::limits(config))?;
+    // Whoever wants to attach finds all channels there.
+    folder::write(&folder.join("domain"), domain.id().as_bytes())?;
+    let mut results = vec![None; config.evaluation.episodes];
+    for result in &saved.results {
+        let result = result.to_result();
+        if let Some(slot) = results.get_mut(result.episode as usize) {
+            *slot = Some(result);
+        }
+    }
+    let since = Duration::from_secs_f64(saved.since.clamp(0.0, 1e9));
+    let mut run = Run {
+        config,
+        folder,
+        directives: DirectivePublisher::new(&bus)?,
+        directive: Directive {
+            round: rounds_learned(config, folder),
+            ..Directive::default()
+        },
+        reports: ReportReader::new(&bus)?,
+        bus,
+        children: Children::new(folder, domain.id()),
+        statuses: Statuses::new(),
+        accounts: saved.accounts,
+        metrics: MetricsFile::open(&folder.join("metrics.csv"), saved.seconds)?,
+        progress: Progress::new(),
+        saver: Saver::new(folder),
+        trained: saved.trained,
+        began: Instant::now()
+            .checked_sub(since)
+            .unwrap_or_else(Instant::now),
+        evaluated: saved.evaluated,
+        results,
+        times: saved.times,
+        restarts_before: saved.restarts,
+        rewinding: false,
+        refused: 0,
+        interrupts,
+        failure: None,
+    };
+    let outcome = run.supervise();
+    let report = outcome.and_then(|()| run.report());
+    drop(run);
+    domain.remove();
+    report
+}
+
+/// Rounds of a deterministic run that both learner and graph-builder can go on from.
+fn rounds_learned(config: &Config, folder: &Path) -> u32 {
+    if !config.run.deterministic {
+        return 0;
+    }
+    let checkpoints = folder.join("checkpoints");
+    let rounds = |name| durable::States::new(&checkpoints, name).rounds();
+    let graph = rounds("graph");
+    if config.high.planner == config::Planner::Search {
+        return graph.first().copied().unwrap_or(0);
+    }
+    let high = rounds("high");
+    let common = graph.iter().filter(|round| high.contains(round)).max();
+    common.copied().unwrap_or(0)
+}
+
 impl Run<'_> {
     /// From the first start to the last exit.
     fn supervise(&mut self) -> anyhow::Result<()> {
         self.directives.publish(&self.directive)?;
         if self.config.run.kind == Kind::Offline {
-            self.children.start(Role::GraphBuilder, 0)?;
+            self.children.start(Role::GraphBuilder, 0, self.config)?;
         }
-        self.children.start(Role::Learner, 0)?;
+        self.children.start(Role::Learner, 0, self.config)?;
         for id in 0..self.config.topology.actors {
-            self.children.start(Role::Actor, id as u32)?;
+            self.children.start(Role::Actor, id as u32, self.config)?;
         }
         let mut swept = Instant::now();
-        let mut began = Instant::now();
-        let mut trained = false;
+        let mut ticked = Instant::now();
         loop {
+            if ticked.elapsed() > STOOD_STILL {
+                self.children.forgive();
+            }
+            ticked = Instant::now();
             self.read_reports()?;
             if swept.elapsed() > SWEEP {
                 self.bus.sweep();
@@ -125,43 +227,60 @@ impl Run<'_> {
             if self.failure.is_some() || self.interrupts.count() > 0 {
                 break;
             }
-            let phase = match self.directive.phase() {
-                Phase::Train => "train",
-                Phase::Settle => "settle",
-                Phase::Evaluate => "evaluate",
-                Phase::Finish => "finish",
-            };
-            let extra = self.score_so_far();
-            self.progress.show(phase, &self.statuses, &extra);
-            match self.directive.phase() {
-                Phase::Train if !trained => {
-                    if self.has(State::Trained) {
-                        trained = true;
-                        self.times.train = lap(&mut began);
-                    }
-                }
-                Phase::Train if self.config.run.kind == Kind::Walker => break,
-                Phase::Train if self.config.run.deterministic => self.next_round()?,
-                Phase::Train => {
-                    if began.elapsed().as_secs_f64() >= self.config.rollouts.seconds {
-                        self.turn(Phase::Settle)?;
-                    }
-                }
-                Phase::Settle => {
-                    if self.settle()? {
-                        self.times.rollouts = lap(&mut began);
-                        self.evaluate()?;
-                    }
-                }
-                Phase::Evaluate if self.results.iter().all(Option::is_some) => {
-                    self.times.evaluate = lap(&mut began);
-                    break;
-                }
-                Phase::Evaluate | Phase::Finish => {}
+            if self.saver.is_due() {
+                self.save();
             }
-            std::thread::sleep(TICK);
+            self.show();
+            if !self.rewound()? || self.advance()? {
+                std::thread::sleep(TICK);
+                continue;
+            }
+            break;
         }
+        self.save();
         self.finish()
+    }
+
+    fn show(&mut self) {
+        let phase = match self.directive.phase() {
+            Phase::Train => "train",
+            Phase::Settle => "settle",
+            Phase::Evaluate => "evaluate",
+            Phase::Finish => "finish",
+        };
+        let extra = self.score_so_far();
+        let newest = self.metrics.newest();
+        self.progress.show(phase, &self.statuses, newest, &extra);
+    }
+
+    /// Goes on to the next part when its time has come; false when all is done.
+    fn advance(&mut self) -> anyhow::Result<bool> {
+        match self.directive.phase() {
+            Phase::Train if !self.has(State::Trained) => {}
+            Phase::Train if !self.trained => {
+                self.trained = true;
+                self.times.train += lap(&mut self.began);
+            }
+            Phase::Train if self.config.run.kind == Kind::Walker => return Ok(false),
+            Phase::Train if self.config.run.deterministic => self.next_round()?,
+            Phase::Train => {
+                if self.began.elapsed().as_secs_f64() >= self.config.rollouts.seconds {
+                    self.turn(Phase::Settle)?;
+                }
+            }
+            Phase::Settle => {
+                if self.settle()? {
+                    self.times.rollouts += lap(&mut self.began);
+                    self.evaluate()?;
+                }
+            }
+            Phase::Evaluate if self.results.iter().all(Option::is_some) => {
+                self.times.evaluate += lap(&mut self.began);
+                return Ok(false);
+            }
+            Phase::Evaluate | Phase::Finish => {}
+        }
+        Ok(true)
     }
 
     fn turn(&mut self, phase: Phase) -> anyhow::Result<()> {
@@ -244,33 +363,74 @@ impl Run<'_> {
             graph_version,
             ..
         } = self.directive;
+        let versions = [low_version, high_version, graph_version];
+        if versions != self.evaluated {
+            self.results.fill(None);
+            self.evaluated = versions;
+        }
+        // What was played with the same weights before the run was stopped is played.
+        for result in self.results.iter().flatten() {
+            self.directive.mark_done(result.episode);
+        }
+        let known = self.results.iter().flatten().count();
+        let known = match known {
+            0 => String::new(),
+            _ => format!(", {known} of them known"),
+        };
         self.progress.say(&format!(
             "evaluate: {episodes} episodes with weights {low_version}, {high_version} and graph \
-             {graph_version}"
+             {graph_version}{known}"
         ));
         self.turn(Phase::Evaluate)
     }
 
     fn read_reports(&mut self) -> anyhow::Result<()> {
         let Self {
+            config,
             reports,
+            children,
             statuses,
+            accounts,
             metrics,
             results,
             directive,
+            refused,
             ..
         } = self;
+        let attached = config.topology.actors..config.topology.max_actors.min(MAX_ACTORS);
+        let most_steps = config.evaluation.max_steps as u32;
         let mut news = false;
+        let strange = Cell::new(0);
         reports.read(
             |status| {
-                if let Some(role) = Role::from_number(status.role) {
-                    statuses.insert((role, status.id), (*status, Instant::now()));
+                let id = status.id as usize;
+                let known = Role::from_number(status.role).filter(|_| id < MAX_ACTORS);
+                let Some(role) = known else {
+                    strange.set(strange.get() + 1);
+                    return;
+                };
+                let own = children.place_of(role, status);
+                if own.is_none() && (role != Role::Actor || !attached.contains(&id)) {
+                    return; // The last word of a process that was replaced.
                 }
+                if let Some(place) = own {
+                    place.hear(status);
+                }
+                if role == Role::Actor {
+                    accounts.hear(status);
+                }
+                statuses.insert((role, status.id), (*status, Instant::now()));
             },
             |metric| metrics.add(metric),
             |result| {
+                let sound = result.success <= 1
+                    && result.fell <= 1
+                    && result.steps <= most_steps
+                    && result.nearest.is_finite()
+                    && (result.actor as usize) < MAX_ACTORS;
                 // Words of an earlier round may come late.
-                if result.round != directive.round || directive.is_done(result.episode) {
+                if !sound || result.round != directive.round || directive.is_done(result.episode) {
+                    strange.set(strange.get() + u64::from(!sound));
                     return;
                 }
                 directive.mark_done(result.episode);
@@ -282,6 +442,7 @@ impl Run<'_> {
                 }
             },
         );
+        *refused += strange.get();
         if news {
             self.directives.publish(&self.directive)?;
         }
@@ -292,17 +453,22 @@ impl Run<'_> {
     fn tend(&mut self, stopping: bool) -> anyhow::Result<()> {
         for (i, ended) in self.children.tend(stopping)? {
             let place = &self.children.places[i];
-            let name = place.name();
+            let (name, role, id) = (place.name(), place.role, place.id);
             match ended {
-                Ended::Finished if stopping => {}
-                Ended::Finished => {
-                    self.failure = Some(format!("{name} left before the run was over"));
-                }
-                Ended::Restarting(status) => {
+                Ended::Finished => continue,
+                Ended::Restarting(why) => {
                     self.progress
-                        .say(&format!("{name} ended with {status}; starting it again"));
+                        .say(&format!("{name} {why}; starting it again"));
+                    if self.config.run.deterministic && LEARNERS.contains(&role) {
+                        self.children.hold(&LEARNERS);
+                        self.rewinding = true;
+                    }
                 }
-                Ended::Failed(status) => {
+                Ended::GivenUp(why) => {
+                    self.progress
+                        .say(&format!("{name} {why}; going on without it"));
+                }
+                Ended::Failed(why) => {
                     let lines = place.last_lines(20);
                     let told = if lines.is_empty() {
                         String::new()
@@ -310,11 +476,54 @@ impl Run<'_> {
                         format!(":\n{lines}")
                     };
                     self.failure
-                        .get_or_insert_with(|| format!("{name} failed with {status}{told}"));
+                        .get_or_insert_with(|| format!("{name} {why}{told}"));
                 }
+            }
+            // Actors' last words still count as steps that were made.
+            if role != Role::Actor {
+                self.statuses.remove(&(role, id));
             }
         }
         Ok(())
+    }
+
+    /// In rounds, one that learns and died is started again together with the other, from the
+    /// last round that both have learned from. False while that is under way.
+    fn rewound(&mut self) -> anyhow::Result<bool> {
+        if !self.rewinding {
+            return Ok(true);
+        }
+        if !self.children.are_gone(&LEARNERS) {
+            return Ok(false);
+        }
+        self.directive = Directive {
+            round: rounds_learned(self.config, self.folder),
+            ..Directive::default()
+        };
+        self.directives.publish(&self.directive)?;
+        self.statuses.retain(|(role, _), _| *role == Role::Actor);
+        self.children.release(&LEARNERS);
+        self.rewinding = false;
+        Ok(true)
+    }
+
+    fn save(&mut self) {
+        let saved = Saved {
+            seconds: self.metrics.seconds(),
+            times: self.times,
+            trained: self.trained,
+            since: self.began.elapsed().as_secs_f64(),
+            evaluated: self.evaluated,
+            results: self.results.iter().flatten().map(Into::into).collect(),
+            restarts: self.restarts(),
+            accounts: self.accounts.clone(),
+        };
+        self.saver.save(&saved);
+    }
+
+    fn restarts(&self) -> usize {
+        let own = self.children.places.iter().map(|place| place.restarted);
+        self.restarts_before + own.sum::<usize>()
     }
 
     /// Ends all processes in order: by word, by SIGTERM, by SIGKILL.
@@ -325,19 +534,19 @@ impl Run<'_> {
         let start = Instant::now();
         let seen = self.interrupts.count();
         let (mut termed, mut killed) = (false, false);
+        let [patience, hurry] = if early { HASTE } else { PATIENCE };
         while self.children.any_left(true) {
             self.read_reports()?;
             self.bus.sweep();
             self.directives.keep_alive();
             self.tend(true)?;
             let passed = start.elapsed();
-            let patience = if early { PATIENCE / 4 } else { PATIENCE };
             let hasty = self.interrupts.count() > seen;
             if !termed && passed >= patience {
                 self.children.signal(Signal::TERM);
                 termed = true;
             }
-            if !killed && (hasty || passed >= patience + HURRY) {
+            if !killed && (hasty || passed >= patience + hurry) {
                 self.children.signal(Signal::KILL);
                 killed = true;
             }
@@ -356,44 +565,26 @@ impl Run<'_> {
     }
 
     /// Says how it went, and writes it down.
-    fn report(&mut self, folder: &std::path::Path) -> anyhow::Result<ExitCode> {
-        let restarted: usize = self
-            .children
-            .places
-            .iter()
-            .map(|place| place.restarted)
-            .sum();
-        let of = |role: Role| {
-            self.statuses
-                .iter()
-                .filter(move |((r, _), _)| *r == role)
-                .map(|(_, (status, _))| status)
-        };
-        let sent: u64 = of(Role::Actor).map(|status| status.sent).sum();
-        let mut text = format!("transitions: {sent} sent");
-        let mut agree = true;
-        for role in [Role::Learner, Role::GraphBuilder] {
-            for status in of(role) {
-                text += &format!(
-                    ", {} received by the {} ({} lost, {} refused)",
-                    status.settled,
-                    role.name(),
-                    status.lost,
-                    status.refused
-                );
-                if status.received > status.settled {
-                    let more = status.received - status.settled;
-                    text += &format!(" and {more} from actors that took no leave");
-                }
-                agree &= status.settled == sent && status.lost == 0;
-            }
-        }
+    fn report(&mut self) -> anyhow::Result<ExitCode> {
+        self.save();
+        let readers = &self.bus.limits().readers;
+        let (text, agree) = self.accounts.settle(self.folder, readers);
         self.progress.say(&text);
-        if restarted > 0 {
-            self.progress.say(&format!("restarts: {restarted}"));
+        let restarts = self.restarts();
+        if restarts > 0 {
+            self.progress.say(&format!("restarts: {restarts}"));
         }
+        if self.refused > 0 {
+            let refused = self.refused;
+            self.progress
+                .say(&format!("reports refused by the launcher: {refused}"));
+        }
+        let folder = self.folder;
         if self.interrupts.count() > 0 {
-            self.progress.say("ended by signal");
+            self.progress.say(&format!(
+                "ended by signal; `formica launch --resume {}` goes on",
+                folder.display()
+            ));
             return Ok(ExitCode::from(Interrupts::EXIT));
         }
         if let Some(failure) = self.failure.take() {
@@ -405,56 +596,18 @@ impl Run<'_> {
             folder.display()
         );
         if self.config.run.kind == Kind::Offline {
-            let score = self.score(folder)?;
+            let results: Vec<EpisodeResult> = self.results.iter().flatten().copied().collect();
+            let score = score::write(folder, self.config, &results)?;
             let newest = self.metrics.newest();
             let json = serde_json::to_string_pretty(&stages::json(newest, &self.times))?;
             let table = stages::table(self.config, newest, &self.times);
-            folder::write_whole(&folder.join("stages.json"), json.as_bytes())?;
+            folder::write(&folder.join("stages.json"), json.as_bytes())?;
             self.progress.say(&table);
             self.progress.say(&score);
         }
         self.progress
             .say(&format!("all of it is in {}", folder.display()));
         Ok(ExitCode::SUCCESS)
-    }
-
-    fn score(&self, folder: &std::path::Path) -> anyhow::Result<String> {
-        let results: Vec<&EpisodeResult> = self.results.iter().flatten().collect();
-        let n = results.len().max(1) as f64;
-        let successes: u32 = results.iter().map(|result| result.success).sum();
-        let falls: u32 = results.iter().map(|result| result.fell).sum();
-        // D4RL's references for antmaze are 0 and 1, so the score is the share of successes.
-        let score = 100.0 * f64::from(successes) / n;
-        let arrived = results.iter().filter(|result| result.success == 1);
-        let steps: u32 = arrived.map(|result| result.steps).sum();
-        let mut csv = String::from("episode,actor,success,steps,fell,nearest_m,edges,reached\n");
-        for r in &results {
-            let [edges, reached] = r.edges;
-            csv += &format!(
-                "{},{},{},{},{},{:.3},{edges},{reached}\n",
-                r.episode, r.actor, r.success, r.steps, r.fell, r.nearest
-            );
-        }
-        folder::write_whole(&folder.join("episodes.csv"), csv.as_bytes())?;
-        let json = serde_json::json!({
-            "score": score,
-            "episodes": results.len(),
-            "successes": successes,
-            "fallen": falls,
-            "mean_steps_of_successes": f64::from(steps) / f64::from(successes.max(1)),
-            "maze": self.config.maze.layout,
-            "seed": self.config.run.seed,
-            "config": self.config.hash(),
-            "version": env!("CARGO_PKG_VERSION"),
-        });
-        let text = serde_json::to_string_pretty(&json).context("writing the score")?;
-        folder::write_whole(&folder.join("score.json"), text.as_bytes())?;
-        let mean = f64::from(steps) / f64::from(successes.max(1));
-        Ok(format!(
-            "normalized score {score:.1}: {successes} of {} episodes reached the goal, in {mean:.0} \
-             steps on average; {falls} ended on the back",
-            results.len()
-        ))
     }
 }
 

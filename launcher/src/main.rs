@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 fine, 1 failed, 2 a fault in what the user gave, 130 ended by Ctrl-C.
 
+mod accounts;
 mod axis;
 mod chart;
 mod check;
@@ -16,6 +17,8 @@ mod launch;
 mod progress;
 mod recorded;
 mod role;
+mod saved;
+mod score;
 mod stages;
 
 use std::path::PathBuf;
@@ -34,7 +37,13 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Run what a config describes: data, training, evaluation
-    Launch(ConfigArgs),
+    Launch {
+        #[command(flatten)]
+        config: LaunchArgs,
+        /// Go on with a run that was stopped or killed, by its name or folder
+        #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "sets"])]
+        resume: Option<String>,
+    },
     /// Name every fault of a config and what it needs, before anything starts
     Check(ConfigArgs),
     /// Make the offline data set of a config
@@ -66,6 +75,16 @@ enum Command {
 }
 
 #[derive(clap::Args)]
+struct LaunchArgs {
+    /// The run file
+    #[arg(required_unless_present = "resume")]
+    config: Option<PathBuf>,
+    /// A value laid over the file's: --set table.key=value
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = pair)]
+    sets: Vec<(String, String)>,
+}
+
+#[derive(clap::Args)]
 struct ConfigArgs {
     /// The run file
     config: PathBuf,
@@ -81,9 +100,14 @@ fn pair(text: &str) -> Result<(String, String), String> {
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
-        Command::Launch(args) => {
-            check::load(&args.config, &args.sets).and_then(|config| launch::launch(&config))
-        }
+        Command::Launch {
+            config: LaunchArgs { config, sets },
+            resume,
+        } => match (config, resume) {
+            (Some(path), _) => check::load(&path, &sets).and_then(|config| launch::launch(&config)),
+            (None, Some(run)) => launch::resume(&run),
+            (None, None) => Err(anyhow::anyhow!("name a run file, or a run to --resume")),
+        },
         Command::Check(args) => check::load(&args.config, &args.sets).map(|_| {
             println!("{}: no fault found", args.config.display());
             ExitCode::SUCCESS

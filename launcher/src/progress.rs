@@ -1,8 +1,8 @@
 //! What the user sees of a run while it goes on, and the file of its metrics.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufWriter, IsTerminal, Write};
+use std::fs::{File, OpenOptions};
+use std::io::{BufWriter, IsTerminal, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -37,7 +37,7 @@ impl Progress {
     }
 
     /// Shows the line when it is time to.
-    pub(crate) fn show(&mut self, phase: &str, statuses: &Statuses, extra: &str) {
+    pub(crate) fn show(&mut self, phase: &str, statuses: &Statuses, newest: &Newest, extra: &str) {
         let pause = Duration::from_millis(if self.terminal { 500 } else { 5000 });
         if self.shown.is_some_and(|shown| shown.elapsed() < pause) {
             return;
@@ -69,6 +69,9 @@ impl Progress {
             "{actors} actors at {:.0} steps/s",
             self.steps_a_second
         ));
+        if let Some(lag) = newest.get("rollout/policy_lag") {
+            parts.push(format!("policy lag {lag:.0}"));
+        }
         if !extra.is_empty() {
             parts.push(extra.to_owned());
         }
@@ -100,20 +103,50 @@ pub(crate) const METRICS_HEADER: &str = "seconds,role,id,name,step,value";
 pub(crate) struct MetricsFile {
     file: Option<BufWriter<File>>,
     start: Instant,
+    /// Time that earlier launchers of the run took (s).
+    before: f64,
     flushed: Instant,
     newest: Newest,
 }
 
 impl MetricsFile {
-    pub(crate) fn create(path: &Path) -> anyhow::Result<Self> {
-        let mut file = BufWriter::new(File::create(path)?);
-        writeln!(file, "{METRICS_HEADER}")?;
+    /// Begins the file, or goes on with that of a run that took so many seconds before.
+    pub(crate) fn open(path: &Path, seconds: f64) -> anyhow::Result<Self> {
+        let mut newest = Newest::new();
+        let mut text = std::fs::read_to_string(path).unwrap_or_default();
+        // A killed launcher may have left half a line.
+        text.truncate(text.rfind('\n').map_or(0, |end| end + 1));
+        for line in text.lines().skip(1) {
+            let mut fields = line.split(',').skip(3);
+            if let (Some(name), _, Some(value)) = (fields.next(), fields.next(), fields.next())
+                && let Ok(value) = value.parse()
+            {
+                newest.insert(name.to_owned(), value);
+            }
+        }
+        let file = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(path)?;
+        file.set_len(text.len() as u64)?;
+        let mut file = BufWriter::new(file);
+        file.seek(SeekFrom::End(0))?;
+        if text.is_empty() {
+            writeln!(file, "{METRICS_HEADER}")?;
+        }
         Ok(Self {
             file: Some(file),
             start: Instant::now(),
+            before: seconds,
             flushed: Instant::now(),
-            newest: Newest::new(),
+            newest,
         })
+    }
+
+    /// Time that the run has taken (s).
+    pub(crate) fn seconds(&self) -> f64 {
+        self.before + self.start.elapsed().as_secs_f64()
     }
 
     /// The newest value of each metric.
@@ -124,13 +157,16 @@ impl MetricsFile {
     /// A full disk ends the file, not the run.
     pub(crate) fn add(&mut self, metric: &Metric) {
         let name = metric.name().replace([',', '\n', '"'], "_");
+        if !metric.value.is_finite() || name.is_empty() {
+            return;
+        }
         // Whoever publishes on a channel must not fill the memory.
         if self.newest.len() < MOST_NAMES || self.newest.contains_key(&name) {
             self.newest.insert(name.clone(), metric.value);
         }
+        let seconds = self.seconds();
         let Some(file) = &mut self.file else { return };
         let role = Role::from_number(metric.role).map_or("unknown", Role::name);
-        let seconds = self.start.elapsed().as_secs_f64();
         let Metric {
             id, step, value, ..
         } = *metric;

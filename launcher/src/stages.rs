@@ -6,9 +6,10 @@ use std::fmt::Write;
 use std::time::Duration;
 
 use config::{Config, Controller, Latent, Planner};
+use serde::{Deserialize, Serialize};
 
 /// Wall-clock time of a run's parts.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Times {
     /// Making the data set; zero where it was there.
     pub(crate) collect: Duration,

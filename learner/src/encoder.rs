@@ -3,17 +3,28 @@
 use std::path::Path;
 use std::time::Instant;
 
-use agents::vae::{Encoder, Settings, Shape, Vae};
+use agents::vae::{self, Encoder, Settings, Shape, Vae};
 use config::{Config, Latent};
 use dataset::{Dataset, Starts};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
 
 use crate::offline::{News, Post};
 use crate::save;
 
 /// Updates between two reports.
 const REPORT: usize = 500;
+
+/// Where the stage is.
+#[derive(Serialize, Deserialize)]
+struct State {
+    update: usize,
+    rng: Pcg64Mcg,
+    vae: vae::State,
+    sums: [f32; 2],
+    seconds: f32,
+}
 
 pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow::Result<()> {
     let start = Instant::now();
@@ -49,7 +60,27 @@ pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow:
     let mut vae = Vae::new(settings, mean, std, &mut rng);
     let mut pairs = Vec::with_capacity(e.batch);
     let (mut reconstruction, mut kl) = (0.0, 0.0);
-    for update in 1..=e.updates {
+    let (mut keeper, state) = post.keeper::<State>("encoder", config);
+    let (mut first, mut earlier) = (1, 0.0);
+    if let Some(state) = state
+        && vae.restore(state.vae)
+    {
+        (first, rng, earlier) = (state.update + 1, state.rng, state.seconds);
+        [reconstruction, kl] = state.sums;
+    }
+    let state = |update, rng: &Pcg64Mcg, vae: &Vae, sums| State {
+        update,
+        rng: rng.clone(),
+        vae: vae.state(),
+        sums,
+        seconds: earlier + start.elapsed().as_secs_f32(),
+    };
+    for update in first..=e.updates {
+        if post.stopped() || keeper.is_due() {
+            let done = update - 1;
+            let state = state(done, &rng, &vae, [reconstruction, kl]);
+            keeper.keep(done as u64, 0, &state);
+        }
         if post.stopped() {
             return Ok(());
         }
@@ -69,6 +100,10 @@ pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow:
             post.progress("encoder", step, e.updates as u64);
             (reconstruction, kl) = (0.0, 0.0);
         }
+    }
+    if first <= e.updates {
+        let state = state(e.updates, &rng, &vae, [reconstruction, kl]);
+        keeper.keep(e.updates as u64, 0, &state);
     }
     // How well places come back from their own codes.
     let shape = vae.shape().clone();
@@ -95,7 +130,7 @@ pub(crate) fn train(config: &Config, data: &Dataset, post: &Post<'_>) -> anyhow:
     post.metric(
         "time/encoder_s",
         e.updates as u64,
-        start.elapsed().as_secs_f32(),
+        earlier + start.elapsed().as_secs_f32(),
     );
     post.send(News::Encoder(vae.weights));
     Ok(())

@@ -3,15 +3,17 @@
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-use agents::high::{High, Settings, Settled};
+use agents::high::{self, High, Settings, Settled};
 use agents::navigator::Patience;
 use agents::ppo;
 use config::Config;
 use graph::Graph;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
 
 use crate::offline::{News, Post};
+use crate::save::Keeper;
 
 /// Updates between two publications.
 const PUBLISH: u64 = 10;
@@ -75,6 +77,21 @@ fn settings(config: &Config) -> Settings {
     }
 }
 
+/// Where the stage is.
+#[derive(Serialize, Deserialize)]
+struct State {
+    updates: u64,
+    relearn: usize,
+    extra: usize,
+    done: bool,
+    settled: bool,
+    rounds: u32,
+    rng: Pcg64Mcg,
+    high: high::State,
+    graph: Vec<u8>,
+    seconds: f32,
+}
+
 pub(crate) fn train(
     config: &Config,
     graph: Graph,
@@ -86,26 +103,14 @@ pub(crate) fn train(
         "the graph's largest connected part has {} nodes; give more data or lower graph.nodes",
         graph.len()
     );
-    let h = &config.high;
-    let mut rng = Pcg64Mcg::seed_from_u64(config.run.seed + 17);
-    let high = High::new(&graph, settings(config), &mut rng);
-    let batch = (h.environments * h.horizon) as f64;
-    let most = (batch * h.physics_share / (1.0 - h.physics_share).max(0.01)) as usize;
-    let mut trainer = Trainer {
-        config,
-        post,
-        graph,
-        high,
-        rng,
-        most,
-        updates: 0,
-        relearn: 0,
-    };
-    let start = Instant::now();
-    let (mut done, mut extra) = (false, 0);
-    loop {
+    let mut trainer = Trainer::new(config, graph, post);
+    if trainer.updates > 0 {
+        trainer.publish();
+    }
+    let mut settle: Option<Box<Graph>> = None;
+    while !trainer.settled {
         // Without work to do, the next word is waited for.
-        let mut word = if done && extra == 0 {
+        let mut word = if trainer.is_idle() && settle.is_none() {
             words.recv_timeout(Duration::from_millis(200)).ok()
         } else {
             words.try_recv().ok()
@@ -114,7 +119,9 @@ pub(crate) fn train(
             match told {
                 Word::Graph(newer) => {
                     let updates = trainer.adopt(*newer);
-                    extra = if done { extra.max(updates) } else { 0 };
+                    if trainer.done {
+                        trainer.extra = trainer.extra.max(updates);
+                    }
                 }
                 Word::Rollout(structure, rollout) => {
                     if structure == trainer.graph.structure() {
@@ -127,47 +134,40 @@ pub(crate) fn train(
                     let updates = trainer.adopt(*newer);
                     (0..updates).for_each(|_| trainer.update());
                     trainer.measure();
-                    trainer.publish(true);
+                    trainer.rounds += 1;
+                    trainer.keep();
+                    trainer.publish();
                 }
-                Word::Settle(last) => {
-                    let updates = trainer.adopt(*last).max(extra);
-                    (0..updates).for_each(|_| trainer.update());
-                    trainer.measure();
-                    trainer.publish(true);
-                    post.send(News::Settled);
-                    return Ok(());
-                }
+                Word::Settle(last) => settle = Some(last),
             }
             word = words.try_recv().ok();
         }
         if post.stopped() {
+            trainer.keep();
             return Ok(());
         }
-        if done && extra == 0 {
-            continue;
-        }
-        extra = extra.saturating_sub(1);
-        trainer.update();
-        let finished = !done && trainer.high.steps >= h.steps as u64;
-        if finished {
-            done = true;
-            post.metric(
-                "time/high_s",
-                trainer.high.steps,
-                start.elapsed().as_secs_f32(),
-            );
+        if trainer.done
+            && let Some(last) = settle.take()
+        {
+            let updates = trainer.adopt(*last).max(trainer.extra);
+            (0..updates).for_each(|_| trainer.update());
             trainer.measure();
-        }
-        if trainer.updates.is_multiple_of(PUBLISH) || finished || (done && extra == 0) {
-            trainer.publish(done);
+            trainer.settled = true;
+            trainer.keep();
+            trainer.publish();
+        } else if !trainer.is_idle() {
+            trainer.go_on();
         }
     }
+    post.send(News::Settled);
+    Ok(())
 }
 
 /// The high level in training on the newest graph.
 struct Trainer<'t, 's> {
     config: &'t Config,
     post: &'t Post<'s>,
+    keeper: Keeper,
     graph: Graph,
     high: High,
     rng: Pcg64Mcg,
@@ -176,6 +176,116 @@ struct Trainer<'t, 's> {
     updates: u64,
     /// Updates that are left since the nodes changed.
     relearn: usize,
+    /// Updates that are left once the planned ones are done.
+    extra: usize,
+    /// The planned updates are done.
+    done: bool,
+    /// The weights are final.
+    settled: bool,
+    rounds: u32,
+    /// Choices of rollouts that were more than an update takes.
+    surplus: u64,
+    start: Instant,
+    earlier: f32,
+}
+
+impl<'t, 's> Trainer<'t, 's> {
+    /// On a graph, or from where the newest state was.
+    fn new(config: &'t Config, graph: Graph, post: &'t Post<'s>) -> Self {
+        let h = &config.high;
+        let (keeper, kept) = post.keeper::<State>("high", config);
+        let seeded = || Pcg64Mcg::seed_from_u64(config.run.seed + 17);
+        let restored = kept.and_then(|kept| {
+            let before = Graph::from_bytes(&kept.graph).ok()?;
+            let mut high = High::new(&before, settings(config), &mut seeded());
+            high.restore(kept.high.clone())
+                .then_some((high, before, kept))
+        });
+        let batch = (h.environments * h.horizon) as f64;
+        let most = (batch * h.physics_share / (1.0 - h.physics_share).max(0.01)) as usize;
+        let trainer = |high, graph, rng| Self {
+            config,
+            post,
+            keeper,
+            graph,
+            high,
+            rng,
+            most,
+            updates: 0,
+            relearn: 0,
+            extra: 0,
+            done: false,
+            settled: false,
+            rounds: 0,
+            surplus: 0,
+            start: Instant::now(),
+            earlier: 0.0,
+        };
+        let Some((high, before, kept)) = restored else {
+            let mut rng = seeded();
+            let high = High::new(&graph, settings(config), &mut rng);
+            return trainer(high, graph, rng);
+        };
+        let mut trainer = Self {
+            updates: kept.updates,
+            relearn: kept.relearn,
+            extra: kept.extra,
+            done: kept.done,
+            settled: kept.settled,
+            rounds: kept.rounds,
+            earlier: kept.seconds,
+            ..trainer(high, before, kept.rng)
+        };
+        // In rounds a graph goes with its rollouts.
+        if !config.run.deterministic && !trainer.settled {
+            let updates = trainer.adopt(graph);
+            if trainer.done {
+                trainer.extra = trainer.extra.max(updates);
+            }
+        }
+        trainer
+    }
+
+    /// Nothing to do until somebody says something.
+    fn is_idle(&self) -> bool {
+        self.done && self.extra == 0
+    }
+
+    fn keep(&mut self) {
+        let state = State {
+            updates: self.updates,
+            relearn: self.relearn,
+            extra: self.extra,
+            done: self.done,
+            settled: self.settled,
+            rounds: self.rounds,
+            rng: self.rng.clone(),
+            high: self.high.state(),
+            graph: self.graph.to_bytes(),
+            seconds: self.earlier + self.start.elapsed().as_secs_f32(),
+        };
+        self.keeper.keep(self.updates, self.rounds, &state);
+    }
+
+    /// One update more, and what goes with it.
+    fn go_on(&mut self) {
+        self.extra = self.extra.saturating_sub(1);
+        self.update();
+        let finished = !self.done && self.high.steps >= self.config.high.steps as u64;
+        if finished {
+            self.done = true;
+            let seconds = self.earlier + self.start.elapsed().as_secs_f32();
+            self.post.metric("time/high_s", self.high.steps, seconds);
+            self.measure();
+        }
+        // Whoever hears that training is done must find it done again.
+        if finished || self.keeper.is_due() {
+            self.keep();
+        }
+        if self.updates.is_multiple_of(PUBLISH) || finished || self.is_idle() {
+            self.publish();
+        }
+    }
 }
 
 impl Trainer<'_, '_> {
@@ -197,6 +307,8 @@ impl Trainer<'_, '_> {
     fn add(&mut self, (choices, last): &Rollout) {
         if self.high.pending() < self.most {
             self.high.add_rollout(&self.graph, choices, *last);
+        } else {
+            self.surplus += choices.len() as u64;
         }
     }
 
@@ -221,6 +333,7 @@ impl Trainer<'_, '_> {
             post.metric("high/clip_fraction", step, report.clip_fraction);
             post.metric("high/value_loss", step, report.value_loss);
             post.metric("high/physical_choices", step, physical as f32);
+            post.metric("high/surplus_choices", step, self.surplus as f32);
             if let Some((arrived, reward)) = self.high.take_walks() {
                 post.metric("high/walks_arrived", step, arrived);
                 post.metric("high/return", step, reward);
@@ -239,12 +352,14 @@ impl Trainer<'_, '_> {
         self.post.metric("high/path_over_cheapest", step, ratio);
     }
 
-    fn publish(&self, last: bool) {
+    fn publish(&self) {
         self.post.send(News::High {
             weights: self.high.weights.clone(),
+            version: self.updates,
             graph: self.graph.version,
             structure: self.graph.structure(),
-            last,
+            rounds: self.rounds,
+            last: self.done,
         });
     }
 }

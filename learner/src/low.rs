@@ -3,13 +3,14 @@
 use std::path::Path;
 use std::time::Instant;
 
-use agents::low::{Low, Policy, Sample, Settings, Subgoal};
+use agents::low::{self, Low, Policy, Sample, Settings, Subgoal};
 use agents::vae::{Encoder, Shape};
 use config::Config;
 use dataset::{Dataset, Starts};
 use graph::{Graph, kmeans};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
 
 use crate::offline::{News, Post};
 use crate::save;
@@ -22,10 +23,22 @@ const PUBLISH: usize = 500;
 /// place.
 const VALUE_GOALS: [f32; 3] = [0.5, 0.2, 0.2];
 
+/// Where the stage is.
+#[derive(Serialize, Deserialize)]
+struct State {
+    update: usize,
+    rng: Pcg64Mcg,
+    low: low::State,
+    sums: [f32; 3],
+    seconds: f32,
+    /// The graph that it began with.
+    graph: Vec<u8>,
+}
+
 pub(crate) fn train(
     config: &Config,
     data: &Dataset,
-    graph: &Graph,
+    graph: Graph,
     encoder: &[f32],
     post: &Post<'_>,
 ) -> anyhow::Result<()> {
@@ -47,6 +60,7 @@ pub(crate) fn train(
         let weights = save::load(Path::new(path), policy.mlp().parameters())?;
         post.send(News::Low {
             weights,
+            version: 1,
             last: true,
         });
         return Ok(());
@@ -54,6 +68,15 @@ pub(crate) fn train(
     let Some(mut encoder) = Encoder::new(Shape::new(dz, &config.encoder.hidden), encoder) else {
         anyhow::bail!("the encoder's weights do not fit its shape");
     };
+    let (mut keeper, state) = post.keeper::<State>("low", config);
+    let (mut graph, mut state) = (graph, state);
+    if let Some(kept) = &state {
+        match Graph::from_bytes(&kept.graph) {
+            Ok(first) if first.latent_dim == dz => graph = first,
+            _ => state = None,
+        }
+    }
+    let graph_bytes = graph.to_bytes();
     let mut latents = Vec::with_capacity(data.len() * dz);
     encoder.encode((0..data.len()).map(|row| data.place(row)), &mut latents);
     let latent = |row: usize| &latents[row * dz..(row + 1) * dz];
@@ -74,7 +97,35 @@ pub(crate) fn train(
     let reach = config.graph.lag + l.slack;
     let mut samples = Vec::with_capacity(l.batch);
     let (mut value_loss, mut policy_loss, mut weight) = (0.0, 0.0, 0.0);
-    for update in 1..=l.updates {
+    let (mut first, mut earlier) = (1, 0.0);
+    if let Some(state) = state
+        && low.restore(state.low)
+    {
+        (first, rng, earlier) = (state.update + 1, state.rng, state.seconds);
+        [value_loss, policy_loss, weight] = state.sums;
+    }
+    let state = |update, rng: &Pcg64Mcg, low: &Low, sums| State {
+        update,
+        rng: rng.clone(),
+        low: low.state(),
+        sums,
+        seconds: earlier + start.elapsed().as_secs_f32(),
+        graph: graph_bytes.clone(),
+    };
+    if first > 1 {
+        let done = first - 1;
+        post.send(News::Low {
+            weights: low.weights.clone(),
+            version: done as u64,
+            last: done >= l.updates,
+        });
+    }
+    for update in first..=l.updates {
+        if post.stopped() || keeper.is_due() {
+            let done = update - 1;
+            let state = state(done, &rng, &low, [value_loss, policy_loss, weight]);
+            keeper.keep(done as u64, 0, &state);
+        }
         if post.stopped() {
             return Ok(());
         }
@@ -129,11 +180,13 @@ pub(crate) fn train(
         if update % PUBLISH == 0 || update == l.updates {
             let last = update == l.updates;
             if last {
-                let seconds = start.elapsed().as_secs_f32();
-                post.metric("time/low_s", update as u64, seconds);
+                let state = state(update, &rng, &low, [value_loss, policy_loss, weight]);
+                keeper.keep(update as u64, 0, &state);
+                post.metric("time/low_s", update as u64, state.seconds);
             }
             post.send(News::Low {
                 weights: low.weights.clone(),
+                version: update as u64,
                 last,
             });
         }

@@ -1,24 +1,26 @@
 //! The offline run: stages 1, 3a and 3b, each on its thread, and the channels.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::mpsc::{self, Receiver, Sender, SyncSender, TrySendError};
 use std::thread::Scope;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
 use config::{Config, Controller, Planner};
 use dataset::Dataset;
 use graph::Graph;
 use maze::Layout;
+use serde::de::DeserializeOwned;
 use wire::{
     Bus, Directive, DirectiveSubscriber, GraphSubscriber, Metric, Module, Phase, Reader, Reporter,
     Role, Rounds, State, Status, TrajectoryReceiver, WeightsPublisher,
 };
 
 use crate::high::{self, Word};
+use crate::save::Keeper;
 use crate::{choices, encoder, low, save};
 
 /// What a training thread has to tell.
@@ -36,13 +38,17 @@ pub(crate) enum News {
     Encoder(Vec<f32>),
     Low {
         weights: Vec<f32>,
+        version: u64,
         last: bool,
     },
     /// Weights over the nodes of a version of the graph, and of every other one of its structure.
     High {
         weights: Vec<f32>,
+        version: u64,
         graph: u64,
         structure: u64,
+        /// Rounds learned from.
+        rounds: u32,
         last: bool,
     },
     /// No more of the high level will come.
@@ -54,6 +60,20 @@ pub(crate) enum News {
 pub(crate) struct Post<'s> {
     sender: Sender<News>,
     stop: &'s AtomicBool,
+    folder: &'s Path,
+    /// States of more rounds are not gone on from.
+    rounds: u32,
+    /// The stage came to its end, or said why not.
+    told: Cell<bool>,
+}
+
+impl Drop for Post<'_> {
+    fn drop(&mut self) {
+        if !self.told.get() {
+            let error = anyhow::anyhow!("a thread of the learner panicked");
+            self.send(News::Failed(error));
+        }
+    }
 }
 
 impl Post<'_> {
@@ -70,6 +90,15 @@ impl Post<'_> {
         self.send(News::Progress { stage, done, total });
     }
 
+    /// The keeper of a stage's states, and the newest one.
+    pub(crate) fn keeper<T: DeserializeOwned>(
+        &self,
+        name: &'static str,
+        config: &Config,
+    ) -> (Keeper, Option<T>) {
+        Keeper::open(self.folder, name, config, self.rounds)
+    }
+
     pub(crate) fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
@@ -78,19 +107,59 @@ impl Post<'_> {
 /// Runs a stage on its thread; its failure is news.
 fn spawn<'s>(
     scope: &'s Scope<'s, '_>,
-    sender: &Sender<News>,
-    stop: &'s AtomicBool,
+    post: Post<'s>,
     stage: impl FnOnce(&Post<'s>) -> anyhow::Result<()> + Send + 's,
 ) {
-    let post = Post {
-        sender: sender.clone(),
-        stop,
-    };
     scope.spawn(move || {
-        if let Err(error) = stage(&post) {
+        let result = stage(&post);
+        post.told.set(true);
+        if let Err(error) = result {
             post.send(News::Failed(error));
         }
     });
+}
+
+/// Rollouts that wait for the high level; when there are more, actors wait.
+const WAITING: usize = 256;
+
+/// The high level's ear: what it has no time for waits here, and then the actors do.
+struct Words {
+    sender: SyncSender<Word>,
+    backlog: VecDeque<Word>,
+}
+
+impl Words {
+    fn new() -> (Self, Receiver<Word>) {
+        let (sender, ears) = mpsc::sync_channel(WAITING);
+        let backlog = VecDeque::new();
+        (Self { sender, backlog }, ears)
+    }
+
+    fn say(&mut self, word: Word) {
+        self.backlog.push_back(word);
+        self.flush();
+    }
+
+    /// Whether all was heard.
+    fn flush(&mut self) -> bool {
+        while let Some(word) = self.backlog.pop_front() {
+            if let Err(TrySendError::Full(word)) = self.sender.try_send(word) {
+                self.backlog.push_front(word);
+                return false;
+            }
+        }
+        true
+    }
+}
+
+/// How old the weights of the rollouts are, since the last report.
+#[derive(Default)]
+struct Lag {
+    trajectories: u64,
+    sum: u64,
+    most: u64,
+    /// Trajectories that were too old to learn from, in all.
+    stale: u64,
 }
 
 struct Learner<'c> {
@@ -112,7 +181,8 @@ struct Learner<'c> {
     graph: Option<Graph>,
     /// Structures of the newest versions: a trajectory tells only its version.
     structures: VecDeque<(u64, u64)>,
-    words: Option<Sender<Word>>,
+    words: Option<Words>,
+    lag: Lag,
     rounds: Rounds,
     settling: bool,
     settled: bool,
@@ -137,7 +207,7 @@ pub(crate) fn run(
     let mut learner = Learner {
         config,
         folder,
-        receiver: TrajectoryReceiver::new(bus, Reader::Learner)?,
+        receiver: TrajectoryReceiver::new(bus, Reader::Learner, folder)?,
         publishers: [
             WeightsPublisher::new(bus, Module::Encoder)?,
             WeightsPublisher::new(bus, Module::Low)?,
@@ -155,6 +225,7 @@ pub(crate) fn run(
         graph: None,
         structures: VecDeque::new(),
         words: None,
+        lag: Lag::default(),
         rounds: Rounds::default(),
         settling: false,
         settled: false,
@@ -186,11 +257,29 @@ impl<'c> Learner<'c> {
         'c: 's,
     {
         let (sender, news): (Sender<News>, Receiver<News>) = mpsc::channel();
-        let config = self.config;
-        spawn(scope, &sender, halt, move |post| {
+        let (config, folder) = (self.config, self.folder);
+        // In rounds, the launcher knows which of them all have learned from.
+        let mut rounds = u32::MAX;
+        if config.run.deterministic {
+            let Some(directive) = self.first_directive(stop) else {
+                return Ok(());
+            };
+            rounds = directive.round;
+            self.rounds = Rounds::after(rounds);
+            self.status.round = rounds;
+        }
+        let post = || Post {
+            sender: sender.clone(),
+            stop: halt,
+            folder,
+            rounds,
+            told: Cell::new(false),
+        };
+        spawn(scope, post(), move |post| {
             encoder::train(config, data, post)
         });
         self.status.state = State::Working as u32;
+        self.reporter.status(&self.status);
         let mut pulse = Instant::now();
         while !stop.load(Ordering::Relaxed) {
             let directive = self.directives.latest();
@@ -201,17 +290,19 @@ impl<'c> Learner<'c> {
             while let Ok(told) = news.try_recv() {
                 self.hear(told)?;
             }
-            if let Some((_, bytes)) = self.graphs.latest() {
-                let graph = Graph::from_bytes(&bytes).context("the graph that was published")?;
+            // Before the encoder is there a graph waits in its channel: it may come no second time.
+            if self.encoder.is_some()
+                && let Some(graph) = self.newer_graph()
+            {
                 self.take_graph(graph, |words, graph, encoder| {
                     if config.low.controller == Controller::Learned {
                         let own = graph.clone();
-                        spawn(scope, &sender, halt, move |post| {
-                            low::train(config, data, &own, &encoder, post)
+                        spawn(scope, post(), move |post| {
+                            low::train(config, data, own, &encoder, post)
                         });
                     }
                     if config.high.planner == Planner::Learned {
-                        spawn(scope, &sender, halt, move |post| {
+                        spawn(scope, post(), move |post| {
                             high::train(config, graph, &words, post)
                         });
                     }
@@ -233,6 +324,18 @@ impl<'c> Learner<'c> {
         Ok(())
     }
 
+    /// The launcher's first word; none when the process shall end before it.
+    fn first_directive(&mut self, stop: &AtomicBool) -> Option<Directive> {
+        while !stop.load(Ordering::Relaxed) {
+            let directive = self.directives.latest();
+            if self.directives.heard() {
+                return Some(directive);
+            }
+            self.receiver.wait(Duration::from_millis(50));
+        }
+        None
+    }
+
     /// What the data are, as numbers.
     fn describe(&self, data: &Dataset, layout: &Layout) {
         let goal = layout.goals().first().copied().unwrap_or(layout.start());
@@ -250,36 +353,62 @@ impl<'c> Learner<'c> {
 
     /// Takes in what actors sent; in training it is material for the high level.
     fn receive(&mut self, phase: Phase) {
-        let (words, rounds, structures) = (&self.words, &mut self.rounds, &self.structures);
+        let (rounds, structures, lag) = (&mut self.rounds, &self.structures, &mut self.lag);
         let deterministic = self.config.run.deterministic;
-        self.receiver.receive(16, |header, record| {
-            if phase != Phase::Train {
-                return;
-            }
-            if deterministic {
-                rounds.add(header, record);
-                return;
-            }
-            let known = structures.iter().find(|(v, _)| *v == header.graph_version);
-            if let (Some(words), Some((_, structure))) = (words, known) {
-                let (choices, last) = choices::of(record);
-                if !choices.is_empty() {
-                    let _ = words.send(Word::Rollout(*structure, (choices, last)));
+        let current = self.versions[2];
+        let most_lag = self.config.topology.max_policy_lag as u64;
+        let heard = self.words.as_mut().is_none_or(Words::flush);
+        let words = &mut self.words;
+        // While the high level has no time, what comes waits in the channel, and actors do in turn.
+        self.receiver
+            .receive(if heard { 16 } else { 0 }, |header, record| {
+                if phase != Phase::Train {
+                    return;
                 }
-            }
-        });
+                if deterministic {
+                    rounds.add(header, record);
+                    return;
+                }
+                let known = structures.iter().find(|(v, _)| *v == header.graph_version);
+                if let (Some(words), Some((_, structure))) = (words.as_mut(), known) {
+                    let age = current.saturating_sub(header.weights_version);
+                    lag.trajectories += 1;
+                    lag.sum += age;
+                    lag.most = lag.most.max(age);
+                    if age > most_lag {
+                        lag.stale += 1;
+                        return;
+                    }
+                    let (choices, last) = choices::of(record);
+                    if !choices.is_empty() {
+                        words.say(Word::Rollout(*structure, (choices, last)));
+                    }
+                }
+            });
         self.receiver.acknowledge();
+    }
+
+    /// The newest graph, if there is a newer one; what is none is refused.
+    fn newer_graph(&mut self) -> Option<Graph> {
+        let latent = self.config.encoder.latent;
+        self.graphs.latest(|bytes| match Graph::from_bytes(bytes) {
+            Ok(graph) if graph.latent_dim == latent => Ok(graph),
+            Ok(_) => Err("its latents are of another width".to_owned()),
+            Err(error) => Err(error.to_string()),
+        })
     }
 
     /// The first graph starts the stages that need one; later ones go to the high level.
     fn take_graph(&mut self, graph: Graph, start: impl FnOnce(Receiver<Word>, Graph, Vec<f32>)) {
-        let Some(encoder) = &self.encoder else { return };
+        let Some(encoder) = &self.encoder else {
+            return;
+        };
         self.structures
             .push_front((graph.version, graph.structure()));
         self.structures.truncate(REMEMBERED);
-        match &self.words {
+        match &mut self.words {
             None => {
-                let (words, ears) = mpsc::channel();
+                let (words, ears) = Words::new();
                 self.words = Some(words);
                 self.trained = [
                     self.config.low.controller == Controller::Walker,
@@ -289,7 +418,7 @@ impl<'c> Learner<'c> {
             }
             // In rounds a graph goes with its rollouts.
             Some(words) if !self.config.run.deterministic && !self.settling => {
-                let _ = words.send(Word::Graph(Box::new(graph.clone())));
+                words.say(Word::Graph(Box::new(graph.clone())));
             }
             Some(_) => {}
         }
@@ -302,7 +431,7 @@ impl<'c> Learner<'c> {
     /// Learns from a round once it is whole and the graph-builder has learned from it.
     fn round(&mut self, directive: &Directive) {
         let round = self.rounds.taken() + 1;
-        let (Some(graph), Some(words)) = (&self.graph, &self.words) else {
+        let (Some(graph), Some(words)) = (&self.graph, &mut self.words) else {
             return;
         };
         if directive.round != round || graph.version <= u64::from(round) {
@@ -319,7 +448,7 @@ impl<'c> Learner<'c> {
         let rollouts = rollouts
             .filter(|(choices, _)| !choices.is_empty())
             .collect();
-        let _ = words.send(Word::Round(rollouts, Box::new(graph.clone())));
+        words.say(Word::Round(rollouts, Box::new(graph.clone())));
     }
 
     /// Ends the high level's training on the final graph, once it is there.
@@ -329,13 +458,13 @@ impl<'c> Learner<'c> {
         }) else {
             return Ok(());
         };
-        if self.settling {
+        if self.settling || self.settled {
             return Ok(());
         }
         self.settling = true;
-        match &self.words {
+        match &mut self.words {
             Some(words) if self.config.high.planner == Planner::Learned => {
-                let _ = words.send(Word::Settle(Box::new(graph.clone())));
+                words.say(Word::Settle(Box::new(graph.clone())));
                 Ok(())
             }
             _ => self.hear(News::Settled),
@@ -356,27 +485,34 @@ impl<'c> Learner<'c> {
                     _ => 2,
                 };
                 self.progress[at] = [done, total];
+                self.status.updates += 1;
             }
             News::Encoder(weights) => {
-                self.publish(0, 0, &weights)?;
+                self.publish(0, 1, 0, &weights)?;
                 save::module(self.folder, "encoder", self.config, 1, &weights)?;
                 self.encoder = Some(weights);
             }
-            News::Low { weights, last } => {
+            News::Low {
+                weights,
+                version,
+                last,
+            } => {
                 self.trained[0] |= last;
-                self.publish(1, 0, &weights)?;
+                self.publish(1, version, 0, &weights)?;
                 self.newest[0] = weights;
             }
             News::High {
                 weights,
+                version,
                 graph,
                 structure,
+                rounds,
                 last,
             } => {
                 self.trained[1] |= last;
-                self.publish(2, structure, &weights)?;
+                self.publish(2, version, structure, &weights)?;
                 self.status.versions[2] = graph;
-                self.status.round = self.rounds.taken();
+                self.status.round = rounds;
                 self.newest[1] = weights;
             }
             News::Settled => {
@@ -388,9 +524,15 @@ impl<'c> Learner<'c> {
         Ok(())
     }
 
-    fn publish(&mut self, module: usize, structure: u64, weights: &[f32]) -> anyhow::Result<()> {
-        self.versions[module] += 1;
-        self.publishers[module].publish(self.versions[module], structure, weights)?;
+    fn publish(
+        &mut self,
+        module: usize,
+        version: u64,
+        structure: u64,
+        weights: &[f32],
+    ) -> anyhow::Result<()> {
+        self.versions[module] = version;
+        self.publishers[module].publish(version, structure, weights)?;
         Ok(())
     }
 
@@ -426,10 +568,27 @@ impl<'c> Learner<'c> {
         } else {
             State::Working
         } as u32;
+        // Between stages it waits for others.
+        if self.encoder.is_some() && self.graph.is_none() {
+            s.state = State::Waiting as u32;
+        }
         self.receiver.report(s);
-        s.updates = self.progress[1][0];
+        s.refused += self.graphs.refused() + self.directives.refused();
         s.versions[..2].copy_from_slice(&self.versions[1..]);
         self.reporter.status(s);
+        let lag = std::mem::take(&mut self.lag);
+        self.lag.stale = lag.stale;
+        if lag.trajectories > 0 {
+            let mean = lag.sum as f64 / lag.trajectories as f64;
+            for (name, value) in [
+                ("rollout/policy_lag", mean),
+                ("rollout/policy_lag_max", lag.most as f64),
+                ("rollout/stale_trajectories", lag.stale as f64),
+            ] {
+                let metric = Metric::new(Role::Learner, 0, name, self.versions[2], value);
+                self.reporter.metric(&metric);
+            }
+        }
     }
 
     fn finish(&mut self) {

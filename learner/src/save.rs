@@ -1,11 +1,15 @@
-//! Checkpoints.
+//! Checkpoints: weights for others to use, and states to go on from.
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use config::Config;
+use durable::{Stamp, States};
 use nets::file::{self, ParameterFile};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 /// Saves one module's flat weights with what they belong to.
 pub(crate) fn module(
@@ -29,6 +33,54 @@ pub(crate) fn module(
         &metadata,
     )?;
     Ok(())
+}
+
+/// Keeps the states of a stage's training.
+pub(crate) struct Keeper {
+    states: States,
+    every: Duration,
+    kept: Instant,
+}
+
+impl Keeper {
+    /// Of the stage `name` of a run, and the newest state to go on from, of those that have
+    /// learned from at most `rounds` rounds.
+    pub(crate) fn open<T: DeserializeOwned>(
+        folder: &Path,
+        name: &'static str,
+        config: &Config,
+        rounds: u32,
+    ) -> (Self, Option<T>) {
+        let states = States::new(&folder.join("checkpoints"), name);
+        let newest = states.newest(rounds);
+        for damaged in &newest.damaged {
+            eprintln!("learner: {damaged}; going on from the one before");
+        }
+        let state = newest.state.map(|(stamp, state)| {
+            eprintln!("learner: {name} goes on from {}", stamp.number);
+            states.forget_after(stamp.number);
+            state
+        });
+        let keeper = Self {
+            states,
+            every: Duration::from_secs_f64(config.run.checkpoint_seconds),
+            kept: Instant::now(),
+        };
+        (keeper, state)
+    }
+
+    /// Whether it is time for the next one.
+    pub(crate) fn is_due(&self) -> bool {
+        self.kept.elapsed() >= self.every
+    }
+
+    /// Keeps a state. A disk that is full costs the state, not the training.
+    pub(crate) fn keep(&mut self, number: u64, round: u32, state: &impl Serialize) {
+        self.kept = Instant::now();
+        if let Err(error) = self.states.save(Stamp { number, round }, state) {
+            eprintln!("learner: no state was kept, the one before stays: {error}");
+        }
+    }
 }
 
 /// Reads what [`module`] saved, of a network with so many parameters.

@@ -5,17 +5,20 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use agents::ppo::{End, Settings};
-use agents::walker::{Batch, Learner};
+use agents::walker::{self, Batch, Learner};
 use anyhow::Context;
 use config::Config;
 use maze::Egocentric;
 use nets::file;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
 use wire::{
     Bus, DirectiveSubscriber, Metric, Module, Phase, Reader, Reporter, Role, State, Status,
     TrajectoryReceiver, Transition, WeightsPublisher, flags,
 };
+
+use crate::save::Keeper;
 
 /// Adds a record of steps and its final row to the batch; a record without one is not whole and
 /// is left out.
@@ -84,6 +87,25 @@ fn save(learner: &Learner, config: &Config, path: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Where the training is.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    version: u64,
+    steps: u64,
+    rng: Pcg64Mcg,
+    learner: walker::State,
+}
+
+fn keep(keeper: &mut Keeper, version: u64, steps: u64, rng: &Pcg64Mcg, learner: &Learner) {
+    let kept = Kept {
+        version,
+        steps,
+        rng: rng.clone(),
+        learner: learner.state(),
+    };
+    keeper.keep(version, 0, &kept);
+}
+
 pub(crate) fn run(
     config: &Config,
     folder: &Path,
@@ -121,7 +143,7 @@ pub(crate) fn run(
 
     let reporter = Reporter::new(bus)?;
     let mut directives = DirectiveSubscriber::new(bus)?;
-    let mut receiver = TrajectoryReceiver::new(bus, Reader::Learner)?;
+    let mut receiver = TrajectoryReceiver::new(bus, Reader::Learner, folder)?;
     let publisher = WeightsPublisher::new(bus, Module::Walker)?;
     let shape = learner.policy().mlp().shape_hash();
     let mut status = Status {
@@ -130,25 +152,36 @@ pub(crate) fn run(
     };
     status.state = State::Working as u32;
     status.set_text("PPO of the walker");
+    let (mut keeper, kept) = Keeper::open::<Kept>(folder, "walker", config, u32::MAX);
     let mut version = 1;
+    let mut steps = 0_u64;
+    if let Some(kept) = kept
+        && learner.restore(kept.learner)
+    {
+        (version, steps, rng) = (kept.version, kept.steps, kept.rng);
+    }
     publisher.publish(version, shape, &learner.weights)?;
 
     let checkpoint = folder.join("checkpoints").join("walker.safetensors");
     let mut batch = Batch::default();
     let (mut metres, mut seconds, mut falls, mut lag) = (0.0, 0_usize, 0_u64, 0.0);
-    let mut steps = 0_u64;
+    let mut stale = 0_u64;
     let total = w.steps as u64;
     let mut pulse = Instant::now();
-    let mut saved = Instant::now();
     while !stopped() {
         let phase = directives.latest().phase();
         receiver.receive(64, |header, record| {
+            let age = version.saturating_sub(header.weights_version);
+            if age > config.topology.max_policy_lag as u64 {
+                stale += 1;
+                return;
+            }
+            lag += age as f64;
             add(&mut batch, record);
             let (distance, count) = speed(record);
             metres += distance;
             seconds += count;
             falls += record.iter().filter(|step| step.has(flags::FELL)).count() as u64;
-            lag += (version - header.weights_version.min(version)) as f64;
         });
         receiver.acknowledge();
         publisher.keep_alive();
@@ -172,7 +205,11 @@ pub(crate) fn run(
                 ("walker/clip_fraction", f64::from(report.clip_fraction)),
                 ("walker/entropy", f64::from(report.entropy)),
                 ("walker/value_loss", f64::from(report.value_loss)),
-                ("walker/lag", lag / batch.records.len().max(1) as f64),
+                (
+                    "rollout/policy_lag",
+                    lag / batch.records.len().max(1) as f64,
+                ),
+                ("rollout/stale_trajectories", stale as f64),
             ] {
                 reporter.metric(&Metric::new(Role::Learner, 0, name, steps, value));
             }
@@ -181,9 +218,9 @@ pub(crate) fn run(
             ));
             (metres, seconds, falls, lag) = (0.0, 0, 0, 0.0);
             batch.clear();
-            if saved.elapsed() > Duration::from_secs(20) || steps >= total {
+            if keeper.is_due() || steps >= total {
+                keep(&mut keeper, version, steps, &rng, &learner);
                 save(&learner, config, &checkpoint)?;
-                saved = Instant::now();
             }
         } else {
             receiver.wait(Duration::from_millis(50));
@@ -208,6 +245,7 @@ pub(crate) fn run(
             pulse = Instant::now();
         }
     }
+    keep(&mut keeper, version, steps, &rng, &learner);
     save(&learner, config, &checkpoint)?;
     if steps >= total && !w.output.is_empty() {
         let output = Path::new(&w.output);

@@ -1,8 +1,9 @@
 //! Support of the whole-process tests: the built binary, run in a folder of its own.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::Once;
+use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The `formica` binary of this build; cargo does not build another package's binary for a test,
@@ -89,14 +90,163 @@ pub fn eventually(deadline: Duration, mut holds: impl FnMut() -> bool) -> bool {
 /// # Panics
 /// When the run's folder does not tell the id.
 #[must_use]
-#[allow(clippy::expect_used)]
 pub fn shared_memory(run: &Path) -> Vec<String> {
+    shared_memory_of(&domain(run))
+}
+
+/// Id of a run's domain of channels.
+///
+/// # Panics
+/// When the run's folder does not tell it.
+#[must_use]
+#[allow(clippy::expect_used)]
+pub fn domain(run: &Path) -> String {
     let id = std::fs::read_to_string(run.join("domain")).expect("a run notes its domain");
     assert!(!id.is_empty(), "a domain has a name");
+    id
+}
+
+/// The same names, by the id.
+#[must_use]
+pub fn shared_memory_of(id: &str) -> Vec<String> {
     let entries = std::fs::read_dir("/dev/shm")
         .into_iter()
         .flatten()
         .flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    names.filter(|name| name.contains(&id)).collect()
+    names.filter(|name| name.contains(id)).collect()
+}
+
+/// A run of every part, too short to score well.
+pub const SMALL: &str = r#"
+[maze]
+layout = "umaze"
+[dataset]
+path = "data.hdf5"
+[collect]
+transitions = 12000
+[encoder]
+updates = 400
+hidden = [32, 32]
+[graph]
+nodes = 20
+refresh_seconds = 1.0
+[low]
+updates = 600
+hidden = [32, 32]
+[high]
+steps = 40000
+environments = 64
+minibatch = 1024
+[evaluation]
+episodes = 8
+max_steps = 300
+[rollouts]
+seconds = 2.0
+"#;
+
+/// Launches the small run in a folder, its output piped.
+///
+/// # Panics
+/// When it cannot be started.
+#[must_use]
+#[allow(clippy::expect_used)]
+pub fn start(folder: &Path, sets: &[&str]) -> Child {
+    std::fs::write(folder.join("small.toml"), SMALL).expect("a folder to write in");
+    let mut command = formica(folder, &["launch", "small.toml"]);
+    sets.iter().for_each(|set| {
+        command.args(["--set", set]);
+    });
+    piped(&mut command)
+}
+
+/// Bytes that a pipe holds, where the system lets it.
+const PIPE: usize = 1 << 20;
+
+/// Starts a command, its output piped.
+///
+/// # Panics
+/// When it cannot be started.
+#[must_use]
+#[allow(clippy::expect_used)]
+pub fn piped(command: &mut Command) -> Child {
+    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let child = command.spawn().expect("the binary can be started");
+    // It is read at the end; until then a long run must not fill it.
+    if let Some(out) = &child.stdout {
+        let _ = rustix::pipe::fcntl_setpipe_size(out, PIPE);
+    }
+    child
+}
+
+/// Sends a signal, by its name as in `kill -9`; whether there was anyone to send it to.
+#[must_use]
+pub fn kill(pid: u32, signal: &str) -> bool {
+    Command::new("kill")
+        .args([signal, &pid.to_string()])
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success())
+}
+
+/// Process ids of a launcher's processes of a role, by its name.
+#[must_use]
+pub fn of_role(launcher: &Child, role: &str) -> Vec<u32> {
+    let own = |pid: &u32| {
+        let bytes = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        let line = String::from_utf8_lossy(&bytes).replace('\0', " ");
+        line.contains(&format!(" {role} "))
+    };
+    children(launcher).into_iter().filter(own).collect()
+}
+
+/// Whether graph-builder, learner and two actors are at work, or will be soon.
+#[must_use]
+pub fn all_started(launcher: &Child) -> bool {
+    eventually(Duration::from_secs(60), || children(launcher).len() == 4)
+}
+
+/// Waits for a process to end, at most so long; its exit code and what it said.
+///
+/// # Panics
+/// When it does not end.
+#[must_use]
+#[allow(clippy::panic, clippy::expect_used)]
+pub fn finished(mut child: Child, deadline: Duration) -> (Option<i32>, String) {
+    // What it says is read meanwhile: a full pipe would stop it.
+    let read = |stream: Option<Box<dyn Read + Send>>| {
+        std::thread::spawn(move || {
+            let mut bytes = vec![];
+            if let Some(mut stream) = stream {
+                let _ = stream.read_to_end(&mut bytes);
+            }
+            String::from_utf8_lossy(&bytes).into_owned()
+        })
+    };
+    let out = child
+        .stdout
+        .take()
+        .map(|s| Box::new(s) as Box<dyn Read + Send>);
+    let err = child
+        .stderr
+        .take()
+        .map(|s| Box::new(s) as Box<dyn Read + Send>);
+    let (out, err) = (read(out), read(err));
+    let ended = eventually(deadline, || matches!(child.try_wait(), Ok(Some(_))));
+    if !ended {
+        let _ = child.kill();
+    }
+    let status = child.wait().expect("a child can be waited for");
+    let told = out.join().unwrap_or_default() + &err.join().unwrap_or_default();
+    assert!(ended, "it did not end within {deadline:?}:\n{told}");
+    (status.code(), told)
+}
+
+/// One test at a time: the machine has few cores.
+///
+/// # Panics
+/// Never: a test that failed leaves the next one its turn.
+pub fn one_at_a_time() -> MutexGuard<'static, ()> {
+    static ONE: Mutex<()> = Mutex::new(());
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }

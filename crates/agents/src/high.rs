@@ -12,8 +12,11 @@ use nets::categorical::Masked;
 use nets::{Activation, Adam, Mlp, Workspace, clip_global_norm};
 use rand::{Rng, RngExt};
 
+use serde::{Deserialize, Serialize};
+
 use crate::navigator::Patience;
 use crate::ppo::{self, End, Report};
+use crate::same_shape;
 
 /// Settings of the high level.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,7 +123,7 @@ pub struct Settled {
 }
 
 /// One choice of a walk, in the physics or on the graph.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Choice {
     node: u32,
     goal: u32,
@@ -133,7 +136,7 @@ struct Choice {
     end: End,
 }
 
-#[derive(Default)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 struct Batch {
     choices: Vec<Choice>,
     records: Vec<usize>,
@@ -142,12 +145,25 @@ struct Batch {
 }
 
 /// One walk on the graph.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Walk {
     node: u32,
     goal: u32,
     edges: usize,
     rewards: f32,
+}
+
+/// All that an update changes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    weights: Vec<f32>,
+    value_parameters: Vec<f32>,
+    policy_adam: Adam,
+    value_adam: Adam,
+    walks: Vec<Walk>,
+    pending: Batch,
+    steps: u64,
+    ended: (u64, u64, f64),
 }
 
 /// Policy and value in training on one graph.
@@ -208,6 +224,60 @@ impl High {
             steps: 0,
             ended: (0, 0, 0.0),
         }
+    }
+
+    /// Where the training is.
+    #[must_use]
+    pub fn state(&self) -> State {
+        State {
+            weights: self.weights.clone(),
+            value_parameters: self.value_parameters.clone(),
+            policy_adam: self.policy_adam.clone(),
+            value_adam: self.value_adam.clone(),
+            walks: self.walks.clone(),
+            pending: self.pending.clone(),
+            steps: self.steps,
+            ended: self.ended,
+        }
+    }
+
+    /// Goes on from a state of a training on a graph of as many nodes; false, and nothing is
+    /// changed, where it is of another one.
+    #[must_use]
+    pub fn restore(&mut self, state: State) -> bool {
+        let nodes = self.policy.mlp.outputs() as u32;
+        let inside = |walk: &Walk| walk.node < nodes && walk.goal < nodes;
+        let known = |c: &Choice| c.node < nodes && c.goal < nodes && c.subgoal < nodes;
+        let last = |(node, goal): &(u32, u32)| *node < nodes && *goal < nodes;
+        let Batch {
+            choices,
+            records,
+            finals,
+        } = &state.pending;
+        let fits = same_shape(&[
+            (&state.weights, &self.weights),
+            (&state.value_parameters, &self.value_parameters),
+        ]) && state.policy_adam.fits(self.weights.len())
+            && state.value_adam.fits(self.value_parameters.len())
+            && state.walks.len() == self.walks.len()
+            && state.walks.iter().all(inside)
+            && choices.iter().all(known)
+            && finals.iter().all(last)
+            && records.len() == finals.len()
+            && records.iter().sum::<usize>() == choices.len();
+        if fits {
+            State {
+                weights: self.weights,
+                value_parameters: self.value_parameters,
+                policy_adam: self.policy_adam,
+                value_adam: self.value_adam,
+                walks: self.walks,
+                pending: self.pending,
+                steps: self.steps,
+                ended: self.ended,
+            } = state;
+        }
+        fits
     }
 
     /// The policy's shape.

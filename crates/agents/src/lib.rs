@@ -15,3 +15,10 @@ pub mod navigator;
 pub mod ppo;
 pub mod vae;
 pub mod walker;
+
+/// Whether what a state holds is as long as what it replaces, and finite.
+fn same_shape(pairs: &[(&Vec<f32>, &Vec<f32>)]) -> bool {
+    pairs
+        .iter()
+        .all(|(new, old)| new.len() == old.len() && new.iter().all(|value| value.is_finite()))
+}

@@ -9,6 +9,9 @@
 use maze::{ACTION, EGOCENTRIC, Egocentric};
 use nets::{Activation, Adam, Mlp, Workspace, polyak};
 use rand::Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::same_shape;
 
 /// Settings of the low level.
 #[derive(Debug, Clone, PartialEq)]
@@ -140,6 +143,16 @@ pub struct Losses {
     pub weight: f32,
 }
 
+/// All that an update changes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    weights: Vec<f32>,
+    values: [Vec<f32>; 2],
+    targets: [Vec<f32>; 2],
+    policy_adam: Adam,
+    value_adams: [Adam; 2],
+}
+
 /// Values and policy in training.
 pub struct Low {
     policy: Policy,
@@ -212,6 +225,42 @@ impl Low {
             weights,
             values,
         }
+    }
+
+    /// Where the training is.
+    #[must_use]
+    pub fn state(&self) -> State {
+        State {
+            weights: self.weights.clone(),
+            values: self.values.clone(),
+            targets: self.targets.clone(),
+            policy_adam: self.policy_adam.clone(),
+            value_adams: self.value_adams.clone(),
+        }
+    }
+
+    /// Goes on from a state; false, and nothing is changed, where it is of other networks.
+    #[must_use]
+    pub fn restore(&mut self, state: State) -> bool {
+        let value = self.values[0].len();
+        let fits = same_shape(&[
+            (&state.weights, &self.weights),
+            (&state.values[0], &self.values[0]),
+            (&state.values[1], &self.values[1]),
+            (&state.targets[0], &self.targets[0]),
+            (&state.targets[1], &self.targets[1]),
+        ]) && state.policy_adam.fits(self.weights.len())
+            && state.value_adams.iter().all(|adam| adam.fits(value));
+        if fits {
+            State {
+                weights: self.weights,
+                values: self.values,
+                targets: self.targets,
+                policy_adam: self.policy_adam,
+                value_adams: self.value_adams,
+            } = state;
+        }
+        fits
     }
 
     /// The policy's shape.
@@ -381,6 +430,48 @@ mod tests {
     use rand_pcg::Pcg64Mcg;
 
     use super::*;
+
+    #[test]
+    fn a_training_goes_on_from_its_state_as_if_nothing_had_been() {
+        let settings = |hidden| Settings {
+            hidden,
+            learning_rate: 1e-3,
+            batch: 8,
+            expectile: 0.7,
+            discount: 0.95,
+            inverse_temperature: 3.0,
+            weight_clip: 100.0,
+            target_rate: 0.02,
+        };
+        let fresh = |hidden| Low::new(2, settings(hidden), &mut Pcg64Mcg::seed_from_u64(1));
+        let train = |low: &mut Low| {
+            for update in 0..3 {
+                let mut observation = [0.1 * update as f32; 29];
+                observation[3] = 1.0;
+                let sample = Sample {
+                    observation: &observation,
+                    action: &[0.5; 8],
+                    next: &observation,
+                    latent: &[0.0; 2],
+                    subgoal: Subgoal {
+                        place: [1.0, 2.0],
+                        latent: &[0.5, -0.5],
+                    },
+                    value_goal: [3.0, 0.0],
+                };
+                low.update(&[sample; 8]);
+            }
+        };
+        let mut low = fresh(vec![16, 16]);
+        train(&mut low);
+        let state = low.state();
+        train(&mut low);
+        let mut again = fresh(vec![16, 16]);
+        assert!(again.restore(state.clone()));
+        train(&mut again);
+        assert_eq!(again.state(), low.state());
+        assert!(!fresh(vec![16, 8]).restore(state), "of other networks");
+    }
 
     /// A toy ant that slides: its first actuator is its speed along x. Rows where it goes towards
     /// the goal and away from it are equally many; the policy must take after the former.

@@ -5,6 +5,7 @@
 
 use rand::Rng;
 use rand::seq::SliceRandom;
+use serde::{Deserialize, Serialize};
 
 /// Settings of an update.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,7 +73,7 @@ impl Report {
 }
 
 /// What happened at the end of one step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum End {
     /// The episode goes on.
     Not,

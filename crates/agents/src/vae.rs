@@ -8,6 +8,9 @@
 use nets::{Activation, Adam, Mlp, Workspace};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+
+use crate::same_shape;
 
 /// Width of a place: x, y.
 pub const PLACE: usize = 2;
@@ -197,6 +200,13 @@ impl Encoder {
     }
 }
 
+/// All that an update changes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    weights: Vec<f32>,
+    adam: Adam,
+}
+
 /// The VAE in training.
 pub struct Vae {
     shape: Shape,
@@ -242,6 +252,29 @@ impl Vae {
             settings,
             weights,
         }
+    }
+
+    /// Where the training is.
+    #[must_use]
+    pub fn state(&self) -> State {
+        State {
+            weights: self.weights.clone(),
+            adam: self.adam.clone(),
+        }
+    }
+
+    /// Goes on from a state; false, and nothing is changed, where it is of other networks.
+    #[must_use]
+    pub fn restore(&mut self, state: State) -> bool {
+        let fits =
+            same_shape(&[(&state.weights, &self.weights)]) && state.adam.fits(self.gradient.len());
+        if fits {
+            State {
+                weights: self.weights,
+                adam: self.adam,
+            } = state;
+        }
+        fits
     }
 
     /// The networks' shapes.
@@ -412,6 +445,38 @@ mod tests {
             learning_rate: 2e-3,
             batch: 128,
         }
+    }
+
+    #[test]
+    fn a_training_goes_on_from_its_state_as_if_nothing_had_been() {
+        let train = |vae: &mut Vae, rng: &mut Pcg64Mcg| {
+            for _ in 0..3 {
+                let pairs = pairs(rng, 16);
+                vae.update(&pairs, rng);
+            }
+        };
+        let fresh = |settings| {
+            Vae::new(
+                settings,
+                [0.0; 2],
+                [4.0; 2],
+                &mut Pcg64Mcg::seed_from_u64(3),
+            )
+        };
+        let mut rng = Pcg64Mcg::seed_from_u64(4);
+        let mut vae = fresh(settings());
+        train(&mut vae, &mut rng);
+        let (state, at) = (vae.state(), rng.clone());
+        train(&mut vae, &mut rng);
+        let mut again = fresh(settings());
+        assert!(again.restore(state.clone()));
+        train(&mut again, &mut at.clone());
+        assert_eq!(again.weights, vae.weights);
+        let mut other = fresh(Settings {
+            hidden: vec![8],
+            ..settings()
+        });
+        assert!(!other.restore(state), "of other networks");
     }
 
     fn pairs(rng: &mut Pcg64Mcg, n: usize) -> Vec<([f32; 2], [f32; 2])> {

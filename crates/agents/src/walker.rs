@@ -5,8 +5,10 @@ use maze::{ACTION, EGOCENTRIC};
 use nets::{Activation, Adam, Mlp, Workspace, clip_global_norm};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
 
 use crate::ppo::{self, End, Report, Settings};
+use crate::same_shape;
 
 const LOG_TAU: f32 = 1.837_877; // ln(2 pi)
 
@@ -123,6 +125,15 @@ impl Batch {
     }
 }
 
+/// All that an update changes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    weights: Vec<f32>,
+    value_parameters: Vec<f32>,
+    policy_adam: Adam,
+    value_adam: Adam,
+}
+
 /// Actor, critic and their optimisers.
 pub struct Learner {
     policy: Policy,
@@ -188,6 +199,36 @@ impl Learner {
     #[must_use]
     pub fn policy(&self) -> &Policy {
         &self.policy
+    }
+
+    /// Where the training is.
+    #[must_use]
+    pub fn state(&self) -> State {
+        State {
+            weights: self.weights.clone(),
+            value_parameters: self.value_parameters.clone(),
+            policy_adam: self.policy_adam.clone(),
+            value_adam: self.value_adam.clone(),
+        }
+    }
+
+    /// Goes on from a state; false, and nothing is changed, where it is of other networks.
+    #[must_use]
+    pub fn restore(&mut self, state: State) -> bool {
+        let fits = same_shape(&[
+            (&state.weights, &self.weights),
+            (&state.value_parameters, &self.value_parameters),
+        ]) && state.policy_adam.fits(self.weights.len())
+            && state.value_adam.fits(self.value_parameters.len());
+        if fits {
+            State {
+                weights: self.weights,
+                value_parameters: self.value_parameters,
+                policy_adam: self.policy_adam,
+                value_adam: self.value_adam,
+            } = state;
+        }
+        fits
     }
 
     /// Sets the step size of both networks.

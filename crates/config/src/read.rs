@@ -5,7 +5,8 @@ use std::path::Path;
 use crate::reader::{Document, Table};
 use crate::sections::{
     Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
-    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Topology, WalkerTraining,
+    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Supervision, Topology,
+    WalkerTraining,
 };
 
 const LAYOUTS: [&str; 6] = ["umaze", "medium", "large", "giant", "teleport", "custom"];
@@ -44,6 +45,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
             seed,
             kind,
             deterministic: t.value("deterministic", false, |_| Ok(())),
+            checkpoint_seconds: t.number("checkpoint_seconds", 10.0, [0.0, 86_400.0]),
         }
     });
     let offline = run.kind == Kind::Offline;
@@ -71,10 +73,11 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
             actors,
             max_actors,
             window: t.count("window", 8, [1, 64]),
-            restarts: t.count("restarts", 5, [0, 1000]),
-            restart_window_seconds: t.number("restart_window_seconds", 60.0, [1.0, 86_400.0]),
+            max_policy_lag: t.count("max_policy_lag", 200, [1, 1_000_000]),
         }
     });
+    let [actor, learner, graph_builder] =
+        ["actor", "learner", "graph_builder"].map(|role| d.table(role, read_supervision));
     let has_collect = d.has("collect");
     let dataset = if offline {
         read_dataset(d, has_collect)
@@ -102,6 +105,9 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         run,
         maze,
         topology,
+        actor,
+        learner,
+        graph_builder,
         dataset,
         collect,
         encoder,
@@ -127,6 +133,19 @@ fn table<T>(
         d.table(name, read)
     } else {
         Document::new("", &[]).table(name, read)
+    }
+}
+
+fn read_supervision(t: &mut Table<'_, '_>) -> Supervision {
+    let day = 86_400.0;
+    Supervision {
+        restarts: t.count("restarts", 5, [0, 100_000]),
+        window_seconds: t.number("window_seconds", 60.0, [1.0, day]),
+        pause_seconds: t.number("pause_seconds", 0.5, [0.0, day]),
+        longest_pause_seconds: t.number("longest_pause_seconds", 30.0, [0.0, day]),
+        hung_seconds: t.number("hung_seconds", 10.0, [2.0, day]),
+        start_seconds: t.number("start_seconds", 150.0, [2.0, day]),
+        stuck_seconds: t.number("stuck_seconds", 120.0, [2.0, day]),
     }
 }
 

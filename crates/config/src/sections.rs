@@ -20,6 +20,8 @@ pub struct Run {
     pub kind: Kind,
     /// Whether the same config gives the same result: rollouts in rounds instead of all the time.
     pub deterministic: bool,
+    /// Time between two states that a killed process or a resumed run goes on from (s).
+    pub checkpoint_seconds: f64,
 }
 
 /// `[maze]`
@@ -40,10 +42,28 @@ pub struct Topology {
     pub max_actors: usize,
     /// Trajectories that an actor may have unacknowledged.
     pub window: usize,
-    /// Restarts of an actor within `restart_window_seconds` before it is given up.
+    /// Trajectories of weights that are more versions old than this are not learned from; a
+    /// version is one update of the high level, or of the walker.
+    pub max_policy_lag: usize,
+}
+
+/// `[actor]`, `[learner]`, `[graph_builder]`: how a role's processes are watched.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Supervision {
+    /// Restarts within the window before a process is given up.
     pub restarts: usize,
     /// See `restarts` (s).
-    pub restart_window_seconds: f64,
+    pub window_seconds: f64,
+    /// Pause before the first restart (s); it doubles with every further one in the window.
+    pub pause_seconds: f64,
+    /// The longest pause (s).
+    pub longest_pause_seconds: f64,
+    /// A process that said nothing for so long hangs, and is killed and started again (s).
+    pub hung_seconds: f64,
+    /// The same for one that was never heard (s).
+    pub start_seconds: f64,
+    /// And for one that has work and does not get on with it (s).
+    pub stuck_seconds: f64,
 }
 
 /// `[collect]`
@@ -354,6 +374,12 @@ pub struct Config {
     pub maze: Maze,
     /// `[topology]`
     pub topology: Topology,
+    /// `[actor]`
+    pub actor: Supervision,
+    /// `[learner]`
+    pub learner: Supervision,
+    /// `[graph_builder]`
+    pub graph_builder: Supervision,
     /// `[dataset]`
     pub dataset: Dataset,
     /// `[collect]`: makes the data set when its file is not there.

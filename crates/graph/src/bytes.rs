@@ -1,8 +1,7 @@
 //! The graph's file, which is also what travels between processes: little-endian, magic, counts,
 //! then nodes, offsets, edges. Every length is checked before it is believed.
 
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs;
 use std::path::Path;
 
 use crate::{Edge, Graph, MAX_OUT_DEGREE};
@@ -223,14 +222,7 @@ impl Graph {
     /// # Errors
     /// What the system refuses.
     pub fn save(&self, path: &Path) -> Result<(), GraphError> {
-        let part = path.with_extension("part");
-        let write = || {
-            let mut file = File::create(&part)?;
-            file.write_all(&self.to_bytes())?;
-            file.sync_all()?;
-            fs::rename(&part, path)
-        };
-        write().map_err(|source| GraphError::Io {
+        durable::write(path, &self.to_bytes()).map_err(|source| GraphError::Io {
             path: path.display().to_string(),
             source,
         })

@@ -7,12 +7,13 @@ use std::collections::{HashMap, VecDeque};
 use std::ops::Range;
 
 use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
 
 use crate::assign::squared;
 use crate::{Edge, Graph, kmeans};
 
 /// When segments make an edge, and when rollouts unmake it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EdgeRule {
     /// Control steps of a segment (c).
     pub lag: usize,
@@ -51,7 +52,7 @@ pub struct Segments<'a> {
 }
 
 /// When nodes are added.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Growth {
     /// A state farther from every node than this latent distance is at a new place.
     pub radius: f32,
@@ -67,7 +68,7 @@ pub struct Growth {
 const FAR_KEPT: usize = 2048;
 
 /// A state at a new place.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct Far {
     latent: Vec<f32>,
     place: [f32; 2],
@@ -75,7 +76,7 @@ struct Far {
 }
 
 /// What is known of the way between two nodes.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct Way {
     /// Segments that begin in the one node and end in the other.
     count: u32,
@@ -94,7 +95,7 @@ struct Way {
 }
 
 /// Nodes, by id, and the ways between them.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Pool {
     dim: usize,
     rule: EdgeRule,
@@ -130,6 +131,19 @@ impl Pool {
     /// of them.
     pub fn let_grow(&mut self, growth: Growth) {
         self.growth = Some(growth);
+    }
+
+    /// Whether it is whole and one that [`renew`](Self::renew) can work on, wherever it was read.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let nodes = self.members.len();
+        let inside = |(from, to): &(u32, u32)| (*from as usize) < nodes && (*to as usize) < nodes;
+        self.dim > 0
+            && self.latents.len() == nodes * self.dim
+            && self.places.len() == nodes
+            && self.latents.iter().all(|value| value.is_finite())
+            && self.ways.keys().all(inside)
+            && self.far.iter().all(|far| far.latent.len() == self.dim)
     }
 
     /// Number of nodes, those that no version holds among them.

@@ -1,8 +1,7 @@
-//! Parameter files: safetensors, written whole or not at all.
+//! Parameter files: safetensors, written whole or not at all, with a checksum of their own in the
+//! metadata (`crc32`), which the format lacks.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -70,18 +69,51 @@ pub fn save(
             .map_err(|error| FileError::Damaged(error.to_string()))?;
         views.push((name.clone(), view));
     }
-    let metadata: HashMap<String, String> = metadata
+    let mut metadata: HashMap<String, String> = metadata
         .iter()
         .map(|(k, v)| (k.clone(), v.clone()))
         .collect();
+    let views_of = tensors
+        .iter()
+        .map(|(name, shape, values)| (name.as_str(), shape.as_slice(), *values));
+    metadata.insert(CHECKSUM.to_owned(), checksum(views_of, &metadata));
     let mut whole = safetensors::serialize(views, Some(metadata))
         .map_err(|error| FileError::Damaged(error.to_string()))?;
     sort_header(&mut whole);
-    let part = path.with_extension("part");
-    let mut file = File::create(&part).map_err(io)?;
-    file.write_all(&whole).map_err(io)?;
-    file.sync_all().map_err(io)?;
-    std::fs::rename(&part, path).map_err(io)
+    durable::write(path, &whole).map_err(io)
+}
+
+/// Key of the checksum in the metadata.
+const CHECKSUM: &str = "crc32";
+
+/// CRC-32 of names, shapes, values and metadata, in an order of its own.
+fn checksum<'a>(
+    tensors: impl Iterator<Item = (&'a str, &'a [usize], &'a [f32])>,
+    metadata: &HashMap<String, String>,
+) -> String {
+    let mut tensors: Vec<_> = tensors.collect();
+    tensors.sort_unstable_by_key(|(name, ..)| *name);
+    let mut hasher = crc32fast::Hasher::new();
+    let mut text = |text: &str| {
+        hasher.update(&(text.len() as u64).to_le_bytes());
+        hasher.update(text.as_bytes());
+    };
+    let mut keys: Vec<&String> = metadata.keys().filter(|key| *key != CHECKSUM).collect();
+    keys.sort_unstable();
+    for key in keys {
+        text(key);
+        text(&metadata[key]);
+    }
+    for (name, shape, values) in tensors {
+        hasher.update(name.as_bytes());
+        for width in shape {
+            hasher.update(&(*width as u64).to_le_bytes());
+        }
+        for value in values {
+            hasher.update(&value.to_le_bytes());
+        }
+    }
+    format!("{:08x}", hasher.finalize())
 }
 
 /// Puts the header's keys in order, which safetensors leaves to chance: equal weights are equal
@@ -134,7 +166,7 @@ impl ParameterFile {
         let metadata = header.metadata().iter().flatten();
         let metadata = metadata.map(|(k, v)| (k.clone(), v.clone())).collect();
         let file = SafeTensors::deserialize(bytes).map_err(damaged)?;
-        let mut tensors = BTreeMap::new();
+        let mut tensors: BTreeMap<String, (Vec<usize>, Vec<f32>)> = BTreeMap::new();
         for (name, view) in file.tensors() {
             if view.dtype() == Dtype::F32 {
                 let (values, _) = view.data().as_chunks::<4>();
@@ -145,7 +177,21 @@ impl ParameterFile {
                 tensors.insert(name, (view.shape().to_vec(), values));
             }
         }
-        Ok(Self { tensors, metadata })
+        // Files of other programs have none.
+        let metadata: HashMap<String, String> = metadata;
+        if let Some(told) = metadata.get(CHECKSUM) {
+            let views = tensors.iter().map(|(name, (shape, values))| {
+                (name.as_str(), shape.as_slice(), values.as_slice())
+            });
+            if *told != checksum(views, &metadata) {
+                return Err(FileError::Damaged("its checksum does not hold".to_owned()));
+            }
+        }
+        let metadata = metadata.into_iter().filter(|(key, _)| key != CHECKSUM);
+        Ok(Self {
+            tensors,
+            metadata: metadata.collect(),
+        })
     }
 
     /// A tensor of a known shape.
@@ -242,8 +288,11 @@ mod tests {
         for at in 0..bytes.len() {
             let mut flipped = bytes.clone();
             flipped[at] ^= 0xff;
+            // A flip that changes nothing (a blank of the header) or cannot be told from a file
+            // without a checksum leaves the values as they were.
             if let Ok(file) = ParameterFile::from_bytes(&flipped) {
-                let _ = file.tensor("a", &[3, 4]);
+                let values = file.tensor("a", &[3, 4]).unwrap();
+                assert!((0..12).all(|i| values[i] == i as f32), "byte {at}");
             }
         }
     }

@@ -1,9 +1,11 @@
 //! Adam, gradient clipping, slow targets.
 
+use serde::{Deserialize, Serialize};
+
 use crate::kernel;
 
 /// Adam (Kingma and Ba 2015), without decay.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Adam {
     /// Step size.
     pub learning_rate: f32,
@@ -52,6 +54,15 @@ impl Adam {
             &mut self.second,
             rates,
         );
+    }
+
+    /// Whether it is one for so many parameters, and whole.
+    #[must_use]
+    pub fn fits(&self, parameters: usize) -> bool {
+        let moments = [&self.first, &self.second];
+        moments
+            .iter()
+            .all(|moment| moment.len() == parameters && moment.iter().all(|m| m.is_finite()))
     }
 
     /// Replaces both moments, where parameters were moved about.

@@ -1,7 +1,10 @@
 //! A process's place on a run's channels: its iceoryx2 node, the services and their limits.
 
 use std::fmt::Debug;
-use std::fs;
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use iceoryx2::config::Config;
@@ -74,7 +77,8 @@ impl Limits {
         Qos {
             publishers: 2,
             subscribers: self.processes(),
-            buffer: 1,
+            // A place for the newest, and one for what is refused.
+            buffer: 2,
             history: 1,
             overflow: true,
         }
@@ -184,9 +188,19 @@ impl Waker {
     }
 }
 
+/// An actor's id, held for as long as its process lives.
+#[derive(Debug)]
+pub struct Claim {
+    /// The id.
+    pub actor: u32,
+    /// Held locked, with the process's incarnation in it.
+    _lock: File,
+}
+
 /// A process's place on the channels.
 pub struct Bus {
     node: Node<Ipc>,
+    root: PathBuf,
     limits: Limits,
     /// The launcher makes the services and holds them; roles open them.
     held: Vec<Box<dyn std::any::Any>>,
@@ -285,12 +299,91 @@ impl Bus {
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<Ipc>()
             .map_err(|e| failed(format!("{e:?}")))?;
+        // iceoryx2 lets all users open the node's own segment, the services' it does not.
+        domain.make_private().map_err(|e| failed(e.to_string()))?;
         Ok(Self {
             node,
+            root: domain.root().to_path_buf(),
             limits,
             held: vec![],
             host,
         })
+    }
+
+    fn place(&self, actor: u32) -> PathBuf {
+        self.root.join(format!("actor-{actor}"))
+    }
+
+    /// Takes an actor's id for this process.
+    ///
+    /// # Errors
+    /// [`WireError::Taken`] while another process holds it, or what the file system refuses.
+    pub fn claim(&self, actor: u32) -> Result<Claim, WireError> {
+        // Whoever looks whether it is taken holds it for a moment.
+        let start = Instant::now();
+        loop {
+            match self.try_claim(actor) {
+                Err(WireError::Taken(_)) if start.elapsed() < Duration::from_millis(500) => {
+                    let _ = self.node.wait(Duration::from_millis(20));
+                }
+                claim => return claim,
+            }
+        }
+    }
+
+    fn try_claim(&self, actor: u32) -> Result<Claim, WireError> {
+        let path = self.place(actor);
+        let failed = |source| WireError::Io {
+            path: path.display().to_string(),
+            source,
+        };
+        let mut lock = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .open(&path)
+            .map_err(failed)?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(fs::TryLockError::WouldBlock) => return Err(WireError::Taken(actor)),
+            Err(fs::TryLockError::Error(source)) => return Err(failed(source)),
+        }
+        lock.set_len(0).map_err(failed)?;
+        write!(lock, "{}", crate::incarnation()).map_err(failed)?;
+        Ok(Claim { actor, _lock: lock })
+    }
+
+    /// Takes the first free id from `first` on.
+    ///
+    /// # Errors
+    /// [`WireError::Full`] when there is none, or what the file system refuses.
+    pub fn claim_any(&self, first: u32) -> Result<Claim, WireError> {
+        for actor in first..self.limits.max_actors as u32 {
+            match self.try_claim(actor) {
+                Err(WireError::Taken(_)) => {}
+                claim => return claim,
+            }
+        }
+        Err(WireError::Full(self.limits.max_actors))
+    }
+
+    /// Incarnation of the process that last took an actor's id.
+    pub(crate) fn claimed(root: &std::path::Path, actor: u32) -> Option<u32> {
+        let text = fs::read_to_string(root.join(format!("actor-{actor}"))).ok()?;
+        text.parse().ok()
+    }
+
+    /// Whether a process holds an actor's id.
+    pub(crate) fn is_claimed(root: &std::path::Path, actor: u32) -> bool {
+        match File::open(root.join(format!("actor-{actor}"))) {
+            Ok(file) => matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)),
+            Err(_) => false,
+        }
+    }
+
+    pub(crate) fn root(&self) -> &std::path::Path {
+        &self.root
     }
 
     /// The run's limits.

@@ -4,13 +4,17 @@
 
 use std::fs::{self, DirBuilder, File};
 use std::io::ErrorKind;
-use std::os::unix::fs::DirBuilderExt;
+use std::os::unix::fs::{DirBuilderExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use crate::WireError;
 
 const SHARED_MEMORY: &str = "/dev/shm";
+/// Names of domains that are being made begin with this.
+const UNBORN: &str = ".new-";
+/// A domain is made faster than this; what is older was never finished.
+const BIRTH: Duration = Duration::from_secs(60);
 
 fn user_folder() -> PathBuf {
     let user = rustix::process::getuid().as_raw();
@@ -50,21 +54,31 @@ impl RunDomain {
             .duration_since(UNIX_EPOCH)
             .unwrap_or_default();
         let mut id = clock.subsec_nanos() ^ (std::process::id() << 12);
+        // Made elsewhere and renamed once it is locked: nobody sees it without its lock.
+        let unborn = folder.join(format!("{UNBORN}{id:08x}-{}", std::process::id()));
+        DirBuilder::new()
+            .mode(0o700)
+            .create(&unborn)
+            .map_err(io(&unborn))?;
+        let path = unborn.join("lock");
+        let lock = File::create(&path).map_err(io(&path))?;
+        lock.lock().map_err(io(&path))?;
         loop {
             let name = format!("{id:08x}");
             let root = folder.join(&name);
-            match DirBuilder::new().mode(0o700).create(&root) {
+            let taken = |error: &std::io::Error| {
+                let kind = error.kind();
+                kind == ErrorKind::AlreadyExists || kind == ErrorKind::DirectoryNotEmpty
+            };
+            match fs::rename(&unborn, &root) {
                 Ok(()) => {
-                    let path = root.join("lock");
-                    let lock = File::create(&path).map_err(io(&path))?;
-                    lock.lock().map_err(io(&path))?;
                     return Ok(Self {
                         id: name,
                         root,
                         lock: Some(lock),
                     });
                 }
-                Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+                Err(error) if taken(&error) => {
                     id = id.wrapping_mul(747_796_405).wrapping_add(1);
                 }
                 Err(error) => return Err(io(&root)(error)),
@@ -89,6 +103,22 @@ impl RunDomain {
         })
     }
 
+    /// The same domain for another thread to look at; it holds no lock.
+    #[must_use]
+    pub fn observer(&self) -> Self {
+        Self {
+            id: self.id.clone(),
+            root: self.root.clone(),
+            lock: None,
+        }
+    }
+
+    /// Whether its run is alive.
+    #[must_use]
+    pub fn is_alive(&self) -> bool {
+        is_alive(&self.root)
+    }
+
     /// The domain's id: 8 hexadecimal digits.
     #[must_use]
     pub fn id(&self) -> &str {
@@ -101,6 +131,22 @@ impl RunDomain {
 
     pub(crate) fn prefix(&self) -> String {
         prefix_of(&self.id)
+    }
+
+    /// Lets nobody but the owner open what the domain has in shared memory.
+    pub(crate) fn make_private(&self) -> std::io::Result<()> {
+        for file in shared_files(&self.id) {
+            let private = fs::Permissions::from_mode(0o600);
+            let open = |about: &fs::Metadata| about.permissions().mode() & 0o077 != 0;
+            // Another process may have removed its own meanwhile.
+            if fs::metadata(&file).is_ok_and(|about| open(&about)) {
+                match fs::set_permissions(&file, private) {
+                    Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+                    _ => {}
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Removes all files of the domain. For its creator, once all other processes are gone.
@@ -128,6 +174,14 @@ pub struct Leftover {
 pub fn leftovers() -> Vec<Leftover> {
     let folder = user_folder();
     let mut ids: Vec<String> = names(&folder);
+    for name in ids.iter().filter(|name| name.starts_with(UNBORN)) {
+        let path = folder.join(name);
+        let age = fs::metadata(&path).and_then(|m| m.modified());
+        let age = age.ok().and_then(|made| made.elapsed().ok());
+        if age.is_some_and(|age| age > BIRTH) {
+            let _ = fs::remove_dir_all(path);
+        }
+    }
     let start = prefix_of("");
     let start = start.trim_end_matches('_').to_owned() + "_";
     for name in names(Path::new(SHARED_MEMORY)) {

@@ -1,6 +1,8 @@
 //! Latest values: weights, graph, directive. A late joiner gets them at once; a value that was
 //! overtaken is never seen.
 
+use std::cell::RefCell;
+
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -81,15 +83,29 @@ impl<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> Outlet<T> {
     }
 }
 
+/// The newest sample that is sound; what is not is counted, and named in the log at first.
 fn newest<T: std::fmt::Debug + ZeroCopySend>(
     subscriber: &Subscriber<Ipc, [T], SnapshotHeader>,
+    refused: &mut u64,
+    sound: impl Fn(&[T]) -> Result<(), String>,
 ) -> Option<Sample<Ipc, [T], SnapshotHeader>> {
     let mut newest = None;
     while let Ok(Some(sample)) = subscriber.receive() {
-        newest = Some(sample);
+        match sound(sample.payload()) {
+            Ok(()) => newest = Some(sample),
+            Err(what) => {
+                *refused += 1;
+                if *refused <= NAMED {
+                    eprintln!("refused at the door: {what}");
+                }
+            }
+        }
     }
     newest
 }
+
+/// Refusals that are named in the log.
+const NAMED: u64 = 10;
 
 /// Publishes a module's weights.
 pub struct WeightsPublisher(Outlet<f32>);
@@ -138,7 +154,12 @@ pub struct Weights {
 }
 
 /// Receives a module's weights.
-pub struct WeightsSubscriber(Subscriber<Ipc, [f32], SnapshotHeader>);
+pub struct WeightsSubscriber {
+    subscriber: Subscriber<Ipc, [f32], SnapshotHeader>,
+    module: Module,
+    most: usize,
+    refused: u64,
+}
 
 impl WeightsSubscriber {
     /// For a module.
@@ -147,27 +168,50 @@ impl WeightsSubscriber {
     /// A port that cannot be made.
     pub fn new(bus: &Bus, module: Module) -> Result<Self, WireError> {
         let topic = bus.weights(module)?;
-        bus.port(module.service(), "get a subscriber", || {
+        let subscriber = bus.port(module.service(), "get a subscriber", || {
             topic.subscriber_builder().create()
+        })?;
+        Ok(Self {
+            subscriber,
+            module,
+            most: bus.limits().weights[module as usize],
+            refused: 0,
         })
-        .map(Self)
+    }
+
+    /// How many were refused at the door.
+    #[must_use]
+    pub fn refused(&self) -> u64 {
+        self.refused
     }
 
     /// The newest weights, if there are newer ones than at the last call. Weights with values
-    /// that are not finite are passed over.
-    #[must_use]
-    pub fn latest(&self) -> Option<Weights> {
-        let sample = newest(&self.0)?;
+    /// that are not finite, or not as many as the module has, are refused; of the high level,
+    /// whose graph may grow, not more than it can come to have.
+    pub fn latest(&mut self) -> Option<Weights> {
+        let (module, most) = (self.module, self.most);
+        let sample = newest(&self.subscriber, &mut self.refused, |values: &[f32]| {
+            let fits = match module {
+                Module::High => (1..=most).contains(&values.len()),
+                _ => values.len() == most,
+            };
+            let (service, got) = (module.service(), values.len());
+            if !fits {
+                return Err(format!("{service}: {got} values where {most} are expected"));
+            }
+            match values.iter().position(|value| !value.is_finite()) {
+                Some(at) => Err(format!("{service}: value {at} of {got} is not finite")),
+                None => Ok(()),
+            }
+        })?;
         let SnapshotHeader {
             version,
             shape_hash,
         } = *sample.user_header();
-        let values = sample.payload().to_vec();
-        let finite = values.iter().all(|value| value.is_finite());
-        finite.then_some(Weights {
+        Some(Weights {
             version,
             shape_hash,
-            values,
+            values: sample.payload().to_vec(),
         })
     }
 }
@@ -207,7 +251,10 @@ impl GraphPublisher {
 }
 
 /// Receives the graph.
-pub struct GraphSubscriber(Subscriber<Ipc, [u8], SnapshotHeader>);
+pub struct GraphSubscriber {
+    subscriber: Subscriber<Ipc, [u8], SnapshotHeader>,
+    refused: u64,
+}
 
 impl GraphSubscriber {
     /// For the run's graph.
@@ -216,16 +263,31 @@ impl GraphSubscriber {
     /// A port that cannot be made.
     pub fn new(bus: &Bus) -> Result<Self, WireError> {
         let topic = bus.graph()?;
-        bus.port("graph", "get a subscriber", || {
+        let subscriber = bus.port("graph", "get a subscriber", || {
             topic.subscriber_builder().create()
+        })?;
+        Ok(Self {
+            subscriber,
+            refused: 0,
         })
-        .map(Self)
     }
 
-    /// Version and bytes of the newest graph, if there is a newer one than at the last call.
+    /// How many were refused at the door.
     #[must_use]
-    pub fn latest(&self) -> Option<(u64, Vec<u8>)> {
-        newest(&self.0).map(|sample| (sample.user_header().version, sample.payload().to_vec()))
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// What `read` makes of the newest graph's bytes, if there is a newer one than at the last
+    /// call. Bytes that it finds no graph in are refused.
+    pub fn latest<G>(&mut self, read: impl Fn(&[u8]) -> Result<G, String>) -> Option<G> {
+        let found = RefCell::new(None);
+        newest(&self.subscriber, &mut self.refused, |bytes: &[u8]| {
+            let graph = read(bytes).map_err(|what| format!("graph: {what}"))?;
+            *found.borrow_mut() = Some(graph);
+            Ok(())
+        });
+        found.into_inner()
     }
 }
 
@@ -268,6 +330,8 @@ impl DirectivePublisher {
 pub struct DirectiveSubscriber {
     subscriber: Subscriber<Ipc, [Directive], SnapshotHeader>,
     last: Directive,
+    heard: bool,
+    refused: u64,
 }
 
 impl DirectiveSubscriber {
@@ -283,15 +347,37 @@ impl DirectiveSubscriber {
         Ok(Self {
             subscriber,
             last: Directive::default(),
+            heard: false,
+            refused: 0,
         })
+    }
+
+    /// How many were refused at the door.
+    #[must_use]
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// Whether the launcher has spoken.
+    #[must_use]
+    pub fn heard(&self) -> bool {
+        self.heard
     }
 
     /// The newest directive; the default one before the launcher has spoken.
     pub fn latest(&mut self) -> Directive {
-        if let Some(sample) = newest(&self.subscriber)
+        let sound = |parts: &[Directive]| match parts {
+            [directive] if directive.is_sound() => Ok(()),
+            parts => Err(format!(
+                "directive: {} parts that no launcher says",
+                parts.len()
+            )),
+        };
+        if let Some(sample) = newest(&self.subscriber, &mut self.refused, sound)
             && let Some(directive) = sample.payload().first()
         {
             self.last = *directive;
+            self.heard = true;
         }
         self.last
     }
@@ -311,15 +397,18 @@ mod tests {
         publisher.publish(1, 7, &[1.0; 100]).unwrap();
         publisher.publish(2, 7, &[2.0; 100]).unwrap();
         let bus = Bus::join(&RunDomain::open(domain.id()).unwrap(), "late").unwrap();
-        let subscriber = WeightsSubscriber::new(&bus, Module::Encoder).unwrap();
+        let mut subscriber = WeightsSubscriber::new(&bus, Module::Encoder).unwrap();
         publisher.keep_alive();
         let weights = subscriber.latest().unwrap();
         assert_eq!((weights.version, weights.shape_hash), (2, 7));
         assert_eq!(weights.values, vec![2.0; 100]);
         assert_eq!(subscriber.latest(), None);
         assert!(publisher.publish(3, 7, &[0.0; 101]).is_err());
-        publisher.publish(3, 7, &[f32::NAN; 3]).unwrap();
+        publisher.publish(3, 7, &[f32::NAN; 100]).unwrap();
         assert_eq!(subscriber.latest(), None);
+        publisher.publish(4, 7, &[0.0; 99]).unwrap();
+        assert_eq!(subscriber.latest(), None);
+        assert_eq!(subscriber.refused(), 2);
         drop((publisher, subscriber, bus, host));
         domain.remove();
     }
@@ -339,6 +428,13 @@ mod tests {
         publisher.publish(&directive).unwrap();
         assert_eq!(subscriber.latest(), directive);
         assert_eq!(subscriber.latest(), directive);
+        let garbage = Directive {
+            phase: 77,
+            ..directive
+        };
+        publisher.publish(&garbage).unwrap();
+        assert_eq!(subscriber.latest(), directive);
+        assert_eq!(subscriber.refused(), 1);
         drop((publisher, subscriber, host));
         domain.remove();
     }

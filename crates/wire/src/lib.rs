@@ -19,25 +19,43 @@ mod bus;
 mod choices;
 mod domain;
 mod latest;
+mod ledger;
 mod records;
 mod reports;
 mod round;
 mod trajectories;
 
-pub use bus::{Bus, Limits, Waker, shared_memory_available};
+use std::sync::OnceLock;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+pub use bus::{Bus, Claim, Limits, Waker, shared_memory_available};
 pub use choices::settled;
 pub use domain::{Leftover, RunDomain, clear, leftovers};
 pub use latest::{
     DirectivePublisher, DirectiveSubscriber, GraphPublisher, GraphSubscriber, Weights,
     WeightsPublisher, WeightsSubscriber,
 };
+pub use ledger::{Books, Source};
 pub use records::{
     ACTION, Directive, EpisodeResult, Kind, LAYOUT, MAX_ACTORS, MAX_EPISODES, Metric, Module,
     OBSERVATION, Phase, Reader, Role, State, Status, TrajectoryHeader, Transition, flags,
 };
 pub use reports::{ReportReader, Reporter};
 pub use round::{Rounds, Trajectory};
-pub use trajectories::{Counts, Drained, SourceCounts, TrajectoryReceiver, TrajectorySender};
+pub use trajectories::{Counts, Drained, TrajectoryReceiver, TrajectorySender};
+
+/// A number for this process that no other of a run has: process ids come again.
+#[must_use]
+pub fn incarnation() -> u32 {
+    static NUMBER: OnceLock<u32> = OnceLock::new();
+    *NUMBER.get_or_init(|| {
+        let clock = SystemTime::now().duration_since(UNIX_EPOCH);
+        let nanoseconds = clock.unwrap_or_default().as_nanos() as u64;
+        let mixed =
+            (nanoseconds ^ u64::from(std::process::id()) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        (mixed >> 32) as u32 | 1
+    })
+}
 
 /// Why a channel could not be used.
 #[derive(Debug, thiserror::Error)]
@@ -83,6 +101,15 @@ pub enum WireError {
         /// The deadline.
         seconds: f64,
     },
+    /// Another process is this actor.
+    #[error("the run has an actor {0} already")]
+    Taken(u32),
+    /// Every place for an attached actor is taken.
+    #[error(
+        "the run's {0} places for actors are taken; let one leave, or launch with a larger \
+         topology.max_actors"
+    )]
+    Full(usize),
     /// A message longer than the run's limits allow.
     #[error("{what} of {got} values is beyond the run's limit of {limit}")]
     TooLong {

@@ -4,13 +4,15 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 /// Version of all records; processes of another one are refused.
-pub const LAYOUT: u32 = 2;
+pub const LAYOUT: u32 = 3;
 /// Width of an observation.
 pub const OBSERVATION: usize = 29;
 /// Width of an action.
 pub const ACTION: usize = 8;
 /// Actor ids are below this.
 pub const MAX_ACTORS: usize = 64;
+/// Nodes of a graph are fewer than this.
+const MAX_NODES: i32 = 1 << 20;
 /// Evaluation episodes of a run are at most this many.
 pub const MAX_EPISODES: usize = 1024;
 
@@ -78,9 +80,14 @@ impl Default for Transition {
 }
 
 impl Transition {
-    /// Whether all values are finite.
+    /// Whether all values are finite and no index is absurd.
     #[must_use]
-    pub fn is_finite(&self) -> bool {
+    pub fn is_sound(&self) -> bool {
+        let nodes = [self.node, self.subgoal, self.goal_node];
+        nodes.iter().all(|node| (-1..MAX_NODES).contains(node)) && self.is_finite()
+    }
+
+    fn is_finite(&self) -> bool {
         self.observation
             .iter()
             .chain(&self.action)
@@ -117,7 +124,7 @@ pub struct TrajectoryHeader {
     pub layout: u32,
     /// The actor's id.
     pub actor: u32,
-    /// Its process id: a restarted actor is another incarnation.
+    /// Its process, by [`incarnation`](crate::incarnation).
     pub incarnation: u32,
     /// A [`Kind`].
     pub kind: u32,
@@ -129,7 +136,9 @@ pub struct TrajectoryHeader {
     pub first_step: u32,
     /// Which of the actor's ants.
     pub environment: u32,
-    /// Version of the weights that acted.
+    /// Version of the low level's weights that acted.
+    pub low_version: u64,
+    /// Version of the high level's, or of the walker's: what policy lag is measured by.
     pub weights_version: u64,
     /// Version of the graph that was walked.
     pub graph_version: u64,
@@ -153,6 +162,8 @@ pub(crate) struct Acknowledgement {
 #[type_name("formica.AcknowledgementHeader")]
 pub(crate) struct AcknowledgementHeader {
     pub(crate) reader: u32,
+    /// The reader's process: a new one has not seen what waited for the one before.
+    pub(crate) incarnation: u32,
 }
 
 /// Who must receive every trajectory.
@@ -168,7 +179,15 @@ impl Reader {
     /// Both readers.
     pub const ALL: [Self; 2] = [Self::Learner, Self::GraphBuilder];
 
-    pub(crate) fn name(self) -> &'static str {
+    /// Where a reader in a run's folder notes what it had from every actor.
+    #[must_use]
+    pub fn ledger(self, folder: &std::path::Path) -> std::path::PathBuf {
+        folder.join(format!("{}.ledger", self.name()))
+    }
+
+    /// The reader's name, which is its role's.
+    #[must_use]
+    pub fn name(self) -> &'static str {
         match self {
             Self::Learner => "learner",
             Self::GraphBuilder => "graph-builder",
@@ -237,8 +256,8 @@ pub struct Directive {
     pub round: u32,
     /// Zero.
     pub reserved: u32,
-    /// Versions of weights and graph that the episodes are played with are at least these. While
-    /// settling, the graph's final version, once it is known.
+    /// Versions of weights and graph that the episodes are played with, exactly. While settling,
+    /// the graph's final version, once it is known.
     pub low_version: u64,
     /// See `low_version`.
     pub high_version: u64,
@@ -264,7 +283,13 @@ impl Default for Directive {
 }
 
 impl Directive {
-    /// The phase; an unknown number means the run is over.
+    /// Whether it is one that a launcher can have given.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        self.phase <= Phase::Finish as u32 && self.episodes as usize <= MAX_EPISODES
+    }
+
+    /// The phase.
     #[must_use]
     pub fn phase(&self) -> Phase {
         match self.phase {
@@ -357,21 +382,19 @@ pub struct Status {
     pub state: u32,
     /// Rounds of a deterministic run that are learned from.
     pub round: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// The process, by [`incarnation`](crate::incarnation).
+    pub incarnation: u32,
     /// Control steps simulated.
     pub steps: u64,
     /// Transitions sent.
     pub sent: u64,
+    /// Next sequence number that the slowest reader waits for.
+    pub acknowledged: u64,
     /// Transitions received.
     pub received: u64,
-    /// Transitions received from actors that took their leave.
-    pub settled: u64,
-    /// Messages found missing by their sequence numbers.
-    pub lost: u64,
     /// Messages refused at the door.
     pub refused: u64,
-    /// Gradient updates.
+    /// Steps of the work at hand that are done: what stands still while there is work is stuck.
     pub updates: u64,
     /// Done and to do, of the work at hand.
     pub progress: [u64; 2],
@@ -389,12 +412,11 @@ impl Default for Status {
             pid: std::process::id(),
             state: State::Starting as u32,
             round: 0,
-            reserved: 0,
+            incarnation: crate::incarnation(),
             steps: 0,
             sent: 0,
+            acknowledged: 0,
             received: 0,
-            settled: 0,
-            lost: 0,
             refused: 0,
             updates: 0,
             progress: [0; 2],

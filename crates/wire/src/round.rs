@@ -24,6 +24,15 @@ pub struct Rounds {
 }
 
 impl Rounds {
+    /// Goes on after so many rounds.
+    #[must_use]
+    pub fn after(rounds: u32) -> Self {
+        Self {
+            taken: rounds,
+            ..Self::default()
+        }
+    }
+
     /// Takes in a trajectory; those of other rounds than the next are left out.
     pub fn add(&mut self, header: &TrajectoryHeader, steps: &[Transition]) {
         if header.round == self.taken + 1 {

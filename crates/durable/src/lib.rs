@@ -1,0 +1,68 @@
+//! Files that are whole or untouched, and training states that outlive their process.
+//!
+//! Everything that a run writes and may need again is written beside its place, synced and
+//! renamed; a process that is killed, a disk that fills up or a machine that loses power leaves
+//! the file of before. States are kept as the newest two, so that a damaged one has one before it.
+
+mod states;
+
+pub use states::{Damaged, Newest, Stamp, StateError, States};
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Writes a file beside `path`, syncs and renames it: it is there whole or not at all.
+///
+/// # Errors
+/// What the system refuses; nothing is left beside `path` then.
+pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let part = part(path);
+    let write = || {
+        let mut file = File::create(&part)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&part, path)?;
+        // The new name outlasts a loss of power only once its folder is synced.
+        File::open(folder(path))?.sync_all()
+    };
+    let written = write();
+    if written.is_err() {
+        // That it cannot be removed changes nothing.
+        let _ = fs::remove_file(&part);
+    }
+    written
+}
+
+fn part(path: &Path) -> PathBuf {
+    let mut part = OsString::from(path);
+    part.push(".part");
+    part.into()
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_cannot_be_written_leaves_the_one_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        write(&path, b"first").unwrap();
+        // The part's place is taken by a folder.
+        fs::create_dir(part(&path)).unwrap();
+        assert!(write(&path, b"second").is_err());
+        assert_eq!(fs::read(&path).unwrap(), b"first");
+        fs::remove_dir(part(&path)).unwrap();
+        write(&path, b"second").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

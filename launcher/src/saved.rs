@@ -1,0 +1,128 @@
+//! What the launcher itself goes on from when a run is resumed: `progress.json`.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+use wire::EpisodeResult;
+
+use crate::accounts::Accounts;
+use crate::stages::Times;
+
+/// Time between two of them.
+const EVERY: Duration = Duration::from_secs(2);
+
+/// How an episode of the evaluation went.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Result {
+    episode: u32,
+    actor: u32,
+    success: bool,
+    fell: bool,
+    steps: u32,
+    nearest: f32,
+    edges: [u32; 2],
+}
+
+impl From<&EpisodeResult> for Result {
+    fn from(result: &EpisodeResult) -> Self {
+        Self {
+            episode: result.episode,
+            actor: result.actor,
+            success: result.success == 1,
+            fell: result.fell == 1,
+            steps: result.steps,
+            nearest: result.nearest,
+            edges: result.edges,
+        }
+    }
+}
+
+impl Result {
+    /// As it came.
+    pub(crate) fn to_result(self) -> EpisodeResult {
+        EpisodeResult {
+            actor: self.actor,
+            episode: self.episode,
+            round: 0,
+            success: u32::from(self.success),
+            fell: u32::from(self.fell),
+            steps: self.steps,
+            nearest: self.nearest,
+            edges: self.edges,
+        }
+    }
+}
+
+/// Where a run is.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub(crate) struct Saved {
+    /// Time that the run has taken (s).
+    pub(crate) seconds: f64,
+    /// Of which its parts took.
+    pub(crate) times: Times,
+    /// Whether all weights are there.
+    pub(crate) trained: bool,
+    /// Time since the present part began (s).
+    pub(crate) since: f64,
+    /// Versions of low, high and graph that the results are of.
+    pub(crate) evaluated: [u64; 3],
+    /// Of the evaluation.
+    pub(crate) results: Vec<Result>,
+    /// Processes started again.
+    pub(crate) restarts: usize,
+    /// Of the actors.
+    pub(crate) accounts: Accounts,
+}
+
+/// Writes it now and then.
+pub(crate) struct Saver {
+    path: PathBuf,
+    saved: Instant,
+    failed: bool,
+}
+
+impl Saver {
+    pub(crate) fn new(folder: &Path) -> Self {
+        Self {
+            path: folder.join("progress.json"),
+            saved: Instant::now(),
+            failed: false,
+        }
+    }
+
+    pub(crate) fn is_due(&self) -> bool {
+        self.saved.elapsed() >= EVERY
+    }
+
+    /// A disk that is full costs this file, not the run.
+    pub(crate) fn save(&mut self, saved: &Saved) {
+        self.saved = Instant::now();
+        let written = serde_json::to_vec(saved)
+            .map_err(std::io::Error::from)
+            .and_then(|bytes| durable::write(&self.path, &bytes));
+        match written {
+            Err(error) if !self.failed => {
+                eprintln!("formica: {} is not written: {error}", self.path.display());
+                self.failed = true;
+            }
+            Err(_) => {}
+            Ok(()) => self.failed = false,
+        }
+    }
+
+    /// What an earlier launcher of the run wrote.
+    pub(crate) fn load(&self) -> Option<Saved> {
+        let bytes = std::fs::read(&self.path).ok()?;
+        match serde_json::from_slice(&bytes) {
+            Ok(saved) => Some(saved),
+            Err(error) => {
+                eprintln!(
+                    "formica: {} is damaged ({error}); times and results begin anew",
+                    self.path.display()
+                );
+                None
+            }
+        }
+    }
+}
