@@ -7,8 +7,8 @@ use std::process::{Child, Command};
 use std::time::Duration;
 
 use system_tests::{
-    all_started, binary, domain, eventually, finished, formica, kill, one_at_a_time, piped,
-    shared_memory, start, text,
+    binary, domain, eventually, finished, formica, kill, one_at_a_time, piped, shared_memory,
+    start, started, text,
 };
 
 fn attach(folder: &Path, run: &str) -> Child {
@@ -35,10 +35,8 @@ fn sources(run: &Path) -> Vec<wire::Source> {
 #[test]
 fn an_attached_actor_adds_transitions_and_leaves_without_a_trace() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
+    let (folder, launcher) = started(&["rollouts.seconds=14"]);
     let run = folder.path().join("runs/small");
-    let launcher = start(folder.path(), &["rollouts.seconds=14"]);
-    assert!(all_started(&launcher));
     let graph = || run.join("graph.bin").is_file();
     assert!(eventually(Duration::from_secs(60), graph));
     let first = attach(folder.path(), "small");
@@ -77,14 +75,12 @@ fn an_attached_actor_adds_transitions_and_leaves_without_a_trace() {
 #[test]
 fn as_many_as_there_are_places_attach_and_one_more_is_told_so() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
     let sets = [
         "topology.max_actors=34",
         "topology.window=2",
         "rollouts.seconds=30",
     ];
-    let launcher = start(folder.path(), &sets);
-    assert!(all_started(&launcher));
+    let (folder, launcher) = started(&sets);
     let run = folder.path().join("runs/small");
     assert!(eventually(Duration::from_secs(60), || run
         .join("graph.bin")
@@ -135,9 +131,7 @@ fn as_many_as_there_are_places_attach_and_one_more_is_told_so() {
 #[test]
 fn an_attached_actor_leaves_when_its_run_dies() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
-    let mut launcher = start(folder.path(), &["low.updates=1000000"]);
-    assert!(all_started(&launcher));
+    let (folder, mut launcher) = started(&["low.updates=1000000"]);
     let run = folder.path().join("runs/small");
     assert!(eventually(Duration::from_secs(60), || run
         .join("graph.bin")
@@ -164,10 +158,8 @@ fn an_attached_actor_leaves_when_its_run_dies() {
 #[test]
 fn wrong_names_other_layouts_and_other_users_runs_are_refused() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
+    let (folder, launcher) = started(&["low.updates=1000000"]);
     let run = folder.path().join("runs/small");
-    let launcher = start(folder.path(), &["low.updates=1000000"]);
-    assert!(all_started(&launcher));
     let refused = |command: &mut Command| {
         let output = command.output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{}", text(&output));

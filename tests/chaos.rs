@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use system_tests::{
-    all_started, children, domain, eventually, finished, formica, is_alive, kill, of_role,
-    one_at_a_time, piped, shared_memory, shared_memory_of, start,
+    children, domain, eventually, finished, formica, is_alive, kill, of_role, one_at_a_time, piped,
+    shared_memory, shared_memory_of, start, started,
 };
 
 /// However often they die.
@@ -69,9 +69,7 @@ fn kill_one_by_one(
     sets: &[&str],
     rng: &mut Pcg64Mcg,
 ) -> String {
-    let folder = tempfile::tempdir().unwrap();
-    let launcher = start(folder.path(), &patient(sets));
-    assert!(all_started(&launcher));
+    let (folder, launcher) = started(&patient(sets));
     let places = of_role(&launcher, role).len();
     let mut longest = Duration::ZERO;
     for number in 0..kills {
@@ -224,15 +222,13 @@ fn processes_are_killed_while_they_start() {
 
 /// A process that is stopped, as by a debugger, is silent: it is killed and its place filled.
 fn stop_one(role: &str) {
-    let folder = tempfile::tempdir().unwrap();
     let hung = [
         "actor.hung_seconds=2",
         "learner.hung_seconds=2",
         "graph_builder.hung_seconds=2",
         "rollouts.seconds=6",
     ];
-    let launcher = start(folder.path(), &patient(&hung));
-    assert!(all_started(&launcher));
+    let (folder, launcher) = started(&patient(&hung));
     // All have said that they are at work: only then is silence a fault so soon.
     let run = folder.path().join("runs/small");
     let at_work = || {
@@ -273,10 +269,8 @@ fn a_process_that_hangs_is_replaced() {
 #[test]
 fn a_learner_that_stands_still_stops_the_actors_and_nothing_is_lost() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
+    let (folder, launcher) = started(&["rollouts.seconds=12", "topology.window=4"]);
     let run = folder.path().join("runs/small");
-    let launcher = start(folder.path(), &["rollouts.seconds=12", "topology.window=4"]);
-    assert!(all_started(&launcher));
     let received = || {
         let ledger = wire::Reader::GraphBuilder.ledger(&run);
         let books = wire::Books::read(&ledger).unwrap_or_default();
@@ -304,14 +298,12 @@ fn a_learner_that_stands_still_stops_the_actors_and_nothing_is_lost() {
 #[test]
 fn a_launcher_that_stood_still_kills_nobody_for_it() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
     let hung = [
         "actor.hung_seconds=2",
         "learner.hung_seconds=2",
         "graph_builder.hung_seconds=2",
     ];
-    let launcher = start(folder.path(), &hung);
-    assert!(all_started(&launcher));
+    let (folder, launcher) = started(&hung);
     assert!(kill(launcher.id(), "-STOP"));
     std::thread::sleep(Duration::from_secs(5));
     assert!(kill(launcher.id(), "-CONT"));
@@ -322,14 +314,12 @@ fn a_launcher_that_stood_still_kills_nobody_for_it() {
 #[test]
 fn a_role_that_keeps_failing_ends_the_run_with_its_last_words() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
     let sets = [
         "learner.restarts=2",
         "learner.pause_seconds=0.1",
         "low.updates=1000000",
     ];
-    let launcher = start(folder.path(), &sets);
-    assert!(all_started(&launcher));
+    let (folder, launcher) = started(&sets);
     let mut last = 0;
     for _ in 0..3 {
         let other = || of_role(&launcher, "learner").iter().any(|pid| *pid != last);
@@ -350,9 +340,7 @@ fn a_role_that_keeps_failing_ends_the_run_with_its_last_words() {
 #[test]
 fn a_second_interrupt_ends_at_once() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
-    let launcher = start(folder.path(), &["low.updates=1000000"]);
-    assert!(all_started(&launcher));
+    let (folder, launcher) = started(&["low.updates=1000000"]);
     let family = children(&launcher);
     // Nobody hears the first.
     family.iter().for_each(|pid| assert!(kill(*pid, "-STOP")));
@@ -395,11 +383,9 @@ fn footprint(launcher: &Child, id: &str) -> [u64; 3] {
 /// Runs at full load: memory, descriptors and shared memory stay as they are, and so does the
 /// number of transitions a second.
 fn soak(seconds: u64) {
-    let folder = tempfile::tempdir().unwrap();
-    let run = folder.path().join("runs/small");
     let rollouts = format!("rollouts.seconds={}", seconds + 20);
-    let launcher = start(folder.path(), &["run.checkpoint_seconds=5", &rollouts]);
-    assert!(all_started(&launcher));
+    let (folder, launcher) = started(&["run.checkpoint_seconds=5", &rollouts]);
+    let run = folder.path().join("runs/small");
     let transitions = || {
         let books = wire::Books::read(&wire::Reader::Learner.ledger(&run)).unwrap_or_default();
         books.counts.transitions

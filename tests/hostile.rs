@@ -5,9 +5,7 @@
 
 use std::time::{Duration, Instant};
 
-use system_tests::{
-    all_started, domain, eventually, finished, one_at_a_time, shared_memory, start,
-};
+use system_tests::{domain, eventually, finished, one_at_a_time, shared_memory, started};
 use wire::{
     Bus, Directive, DirectivePublisher, EpisodeResult, GraphPublisher, Metric, Module, Reporter,
     Role, RunDomain, Status, TrajectoryHeader, TrajectorySender, Transition, WeightsPublisher,
@@ -16,10 +14,8 @@ use wire::{
 #[test]
 fn garbage_on_every_channel_is_refused_at_the_door() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
+    let (folder, launcher) = started(&["rollouts.seconds=10"]);
     let run = folder.path().join("runs/small");
-    let launcher = start(folder.path(), &["rollouts.seconds=10"]);
-    assert!(all_started(&launcher));
     assert!(eventually(Duration::from_secs(60), || run
         .join("graph.bin")
         .is_file()));

@@ -8,16 +8,14 @@ use std::path::Path;
 use std::time::Duration;
 
 use system_tests::{
-    all_started, children, eventually, finished, formica, is_alive, kill, of_role, one_at_a_time,
-    piped, shared_memory, start, text,
+    children, eventually, finished, formica, is_alive, kill, of_role, one_at_a_time, piped,
+    shared_memory, start, started, text,
 };
 
 #[test]
 fn a_run_ends_with_its_score_though_an_actor_was_killed() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
-    let launcher = start(folder.path(), &[]);
-    assert!(all_started(&launcher));
+    let (folder, launcher) = started(&[]);
     let victim = of_role(&launcher, "actor")[0];
     std::thread::sleep(Duration::from_secs(3));
     assert!(kill(victim, "-9"));
@@ -163,9 +161,7 @@ fn a_deterministic_run_gives_the_same_result_whoever_dies() {
 #[test]
 fn an_interrupt_ends_all_in_order_and_leaves_nothing() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
-    let launcher = start(folder.path(), &["low.updates=1000000"]);
-    assert!(all_started(&launcher));
+    let (folder, launcher) = started(&["low.updates=1000000"]);
     let family = children(&launcher);
     std::thread::sleep(Duration::from_secs(2));
     assert!(kill(launcher.id(), "-INT"));
@@ -188,9 +184,7 @@ fn an_interrupt_ends_all_in_order_and_leaves_nothing() {
 #[test]
 fn no_child_outlives_a_killed_launcher_and_doctor_clears_what_it_left() {
     let _one = one_at_a_time();
-    let folder = tempfile::tempdir().unwrap();
-    let mut launcher = start(folder.path(), &["low.updates=1000000"]);
-    assert!(all_started(&launcher));
+    let (folder, mut launcher) = started(&["low.updates=1000000"]);
     let family = children(&launcher);
     std::thread::sleep(Duration::from_secs(1));
     let run = folder.path().join("runs/small");

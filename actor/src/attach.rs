@@ -75,10 +75,10 @@ pub(crate) fn find(name: &str) -> Result<(PathBuf, RunDomain), AttachError> {
 /// Sets `stop` when the run is no longer alive: an attached actor has no launcher for a parent.
 pub(crate) fn watch(domain: &RunDomain, stop: &Arc<AtomicBool>) -> Arc<AtomicBool> {
     let ended = Arc::new(AtomicBool::new(false));
-    let (told, stop, domain) = (Arc::clone(&ended), Arc::clone(stop), domain.observer());
+    let (told, stop, id) = (Arc::clone(&ended), Arc::clone(stop), domain.id().to_owned());
     std::thread::spawn(move || {
         while !stop.load(Ordering::Relaxed) {
-            if !domain.is_alive() {
+            if RunDomain::open(&id).is_err() {
                 told.store(true, Ordering::Relaxed);
                 stop.store(true, Ordering::Relaxed);
             }

@@ -65,12 +65,8 @@ impl Inbox {
             }
         }
         let latent = self.latent;
-        let graph = self.graph.latest(|bytes| match Graph::from_bytes(bytes) {
-            Ok(graph) if graph.latent_dim == latent => Ok(graph),
-            Ok(_) => Err("its latents are of another width".to_owned()),
-            Err(error) => Err(error.to_string()),
-        });
-        if let Some(graph) = graph {
+        let read = |bytes: &[u8]| Graph::from_bytes_of(bytes, latent);
+        if let Some(graph) = self.graph.latest(read) {
             self.graphs.push_front(graph);
             self.graphs.truncate(KEPT);
             news = true;

@@ -193,15 +193,14 @@ impl Builder<'_> {
         let mut rounds = u32::MAX;
         if self.config.run.deterministic {
             // The launcher knows which rounds all have learned from.
-            let mut directive = self.directives.latest();
-            while !self.directives.heard() {
-                if stop.load(Ordering::Relaxed) {
-                    return None;
-                }
-                self.receiver.wait(Duration::from_millis(50));
-                directive = self.directives.latest();
-            }
-            rounds = directive.round;
+            let receiver = &self.receiver;
+            rounds = self
+                .directives
+                .first(|| {
+                    receiver.wait(Duration::from_millis(50));
+                    !stop.load(Ordering::Relaxed)
+                })?
+                .round;
             self.rounds = Rounds::after(rounds);
             self.status.round = rounds;
         }

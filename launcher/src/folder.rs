@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use config::Config;
 
+use crate::recorded;
+
 /// A run's folder, which one launcher at a time works in.
 pub(crate) struct RunFolder {
     pub(crate) path: PathBuf,
@@ -45,13 +47,7 @@ pub(crate) fn create(config: &Config) -> anyhow::Result<RunFolder> {
 
 /// The folder of a run that was stopped, by its name or path, and its config.
 pub(crate) fn reopen(name: &str) -> anyhow::Result<(RunFolder, Config)> {
-    let candidates = [PathBuf::from(name), Path::new("runs").join(name)];
-    let found = candidates
-        .into_iter()
-        .find(|folder| folder.join("config.toml").is_file());
-    let path = found.with_context(|| {
-        format!("there is no run '{name}': neither '{name}' nor 'runs/{name}' is a run's folder")
-    })?;
+    let path = recorded::find(Path::new(name))?;
     // Not as a link that may come to point elsewhere.
     let path = fs::canonicalize(&path)
         .ok()

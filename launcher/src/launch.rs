@@ -141,9 +141,8 @@ fn host(
     folder::write(&folder.join("domain"), domain.id().as_bytes())?;
     let mut results = vec![None; config.evaluation.episodes];
     for result in &saved.results {
-        let result = result.to_result();
         if let Some(slot) = results.get_mut(result.episode as usize) {
-            *slot = Some(result);
+            *slot = Some(*result);
         }
     }
     let since = Duration::from_secs_f64(saved.since.clamp(0.0, 1e9));
@@ -514,7 +513,7 @@ impl Run<'_> {
             trained: self.trained,
             since: self.began.elapsed().as_secs_f64(),
             evaluated: self.evaluated,
-            results: self.results.iter().flatten().map(Into::into).collect(),
+            results: self.results.iter().flatten().copied().collect(),
             restarts: self.restarts(),
             accounts: self.accounts.clone(),
         };

@@ -79,15 +79,20 @@ struct LaunchArgs {
     /// The run file
     #[arg(required_unless_present = "resume")]
     config: Option<PathBuf>,
-    /// A value laid over the file's: --set table.key=value
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = pair)]
-    sets: Vec<(String, String)>,
+    #[command(flatten)]
+    over: Over,
 }
 
 #[derive(clap::Args)]
 struct ConfigArgs {
     /// The run file
     config: PathBuf,
+    #[command(flatten)]
+    over: Over,
+}
+
+#[derive(clap::Args)]
+struct Over {
     /// A value laid over the file's: --set table.key=value
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = pair)]
     sets: Vec<(String, String)>,
@@ -101,18 +106,20 @@ fn pair(text: &str) -> Result<(String, String), String> {
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Launch {
-            config: LaunchArgs { config, sets },
+            config: LaunchArgs { config, over },
             resume,
         } => match (config, resume) {
-            (Some(path), _) => check::load(&path, &sets).and_then(|config| launch::launch(&config)),
+            (Some(path), _) => {
+                check::load(&path, &over.sets).and_then(|config| launch::launch(&config))
+            }
             (None, Some(run)) => launch::resume(&run),
             (None, None) => Err(anyhow::anyhow!("name a run file, or a run to --resume")),
         },
-        Command::Check(args) => check::load(&args.config, &args.sets).map(|_| {
+        Command::Check(args) => check::load(&args.config, &args.over.sets).map(|_| {
             println!("{}: no fault found", args.config.display());
             ExitCode::SUCCESS
         }),
-        Command::Collect(args) => check::load(&args.config, &args.sets).and_then(|config| {
+        Command::Collect(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
             let stopped = role::collect(&config, &interrupts::Interrupts::listen()?)?;
             Ok(stopped.unwrap_or(ExitCode::SUCCESS))
         }),
@@ -120,7 +127,7 @@ fn main() -> ExitCode {
             config,
             episodes,
             walker,
-        } => check::load(&config.config, &config.sets).and_then(|config| {
+        } => check::load(&config.config, &config.over.sets).and_then(|config| {
             let path = walker.as_deref();
             role::ceiling(&config, episodes, path).map(|()| ExitCode::SUCCESS)
         }),

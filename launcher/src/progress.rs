@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use wire::{Metric, Role, State, Status};
 
+use crate::recorded::parse_row;
 use crate::stages::Newest;
 
 /// Names of metrics whose newest value is kept.
@@ -117,10 +118,7 @@ impl MetricsFile {
         // A killed launcher may have left half a line.
         text.truncate(text.rfind('\n').map_or(0, |end| end + 1));
         for line in text.lines().skip(1) {
-            let mut fields = line.split(',').skip(3);
-            if let (Some(name), _, Some(value)) = (fields.next(), fields.next(), fields.next())
-                && let Ok(value) = value.parse()
-            {
+            if let Some((_, name, value)) = parse_row(line) {
                 newest.insert(name.to_owned(), value);
             }
         }

@@ -163,7 +163,7 @@ fn parse_metrics(
 }
 
 /// Seconds, name and value of a line.
-fn parse_row(line: &str) -> Option<(f64, &str, f64)> {
+pub(crate) fn parse_row(line: &str) -> Option<(f64, &str, f64)> {
     let mut fields = line.split(',');
     let mut next = || fields.next();
     let (seconds, role, id) = (next()?, next()?, next()?);

@@ -12,48 +12,6 @@ use crate::stages::Times;
 /// Time between two of them.
 const EVERY: Duration = Duration::from_secs(2);
 
-/// How an episode of the evaluation went.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Result {
-    episode: u32,
-    actor: u32,
-    success: bool,
-    fell: bool,
-    steps: u32,
-    nearest: f32,
-    edges: [u32; 2],
-}
-
-impl From<&EpisodeResult> for Result {
-    fn from(result: &EpisodeResult) -> Self {
-        Self {
-            episode: result.episode,
-            actor: result.actor,
-            success: result.success == 1,
-            fell: result.fell == 1,
-            steps: result.steps,
-            nearest: result.nearest,
-            edges: result.edges,
-        }
-    }
-}
-
-impl Result {
-    /// As it came.
-    pub(crate) fn to_result(self) -> EpisodeResult {
-        EpisodeResult {
-            actor: self.actor,
-            episode: self.episode,
-            round: 0,
-            success: u32::from(self.success),
-            fell: u32::from(self.fell),
-            steps: self.steps,
-            nearest: self.nearest,
-            edges: self.edges,
-        }
-    }
-}
-
 /// Where a run is.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Saved {
@@ -68,7 +26,7 @@ pub(crate) struct Saved {
     /// Versions of low, high and graph that the results are of.
     pub(crate) evaluated: [u64; 3],
     /// Of the evaluation.
-    pub(crate) results: Vec<Result>,
+    pub(crate) results: Vec<EpisodeResult>,
     /// Processes started again.
     pub(crate) restarts: usize,
     /// Of the actors.

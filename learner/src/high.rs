@@ -77,15 +77,25 @@ fn settings(config: &Config) -> Settings {
     }
 }
 
+/// How far the stage is.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+struct Progress {
+    updates: u64,
+    /// Updates that are left since the nodes changed.
+    relearn: usize,
+    /// Updates that are left once the planned ones are done.
+    extra: usize,
+    /// The planned updates are done.
+    done: bool,
+    /// The weights are final.
+    settled: bool,
+    rounds: u32,
+}
+
 /// Where the stage is.
 #[derive(Serialize, Deserialize)]
 struct State {
-    updates: u64,
-    relearn: usize,
-    extra: usize,
-    done: bool,
-    settled: bool,
-    rounds: u32,
+    progress: Progress,
     rng: Pcg64Mcg,
     high: high::State,
     graph: Vec<u8>,
@@ -104,11 +114,11 @@ pub(crate) fn train(
         graph.len()
     );
     let mut trainer = Trainer::new(config, graph, post);
-    if trainer.updates > 0 {
+    if trainer.progress.updates > 0 {
         trainer.publish();
     }
     let mut settle: Option<Box<Graph>> = None;
-    while !trainer.settled {
+    while !trainer.progress.settled {
         // Without work to do, the next word is waited for.
         let mut word = if trainer.is_idle() && settle.is_none() {
             words.recv_timeout(Duration::from_millis(200)).ok()
@@ -117,12 +127,7 @@ pub(crate) fn train(
         };
         while let Some(told) = word {
             match told {
-                Word::Graph(newer) => {
-                    let updates = trainer.adopt(*newer);
-                    if trainer.done {
-                        trainer.extra = trainer.extra.max(updates);
-                    }
-                }
+                Word::Graph(newer) => trainer.go_on_with(*newer),
                 Word::Rollout(structure, rollout) => {
                     if structure == trainer.graph.structure() {
                         trainer.add(&rollout);
@@ -134,7 +139,7 @@ pub(crate) fn train(
                     let updates = trainer.adopt(*newer);
                     (0..updates).for_each(|_| trainer.update());
                     trainer.measure();
-                    trainer.rounds += 1;
+                    trainer.progress.rounds += 1;
                     trainer.keep();
                     trainer.publish();
                 }
@@ -146,13 +151,13 @@ pub(crate) fn train(
             trainer.keep();
             return Ok(());
         }
-        if trainer.done
+        if trainer.progress.done
             && let Some(last) = settle.take()
         {
-            let updates = trainer.adopt(*last).max(trainer.extra);
+            let updates = trainer.adopt(*last).max(trainer.progress.extra);
             (0..updates).for_each(|_| trainer.update());
             trainer.measure();
-            trainer.settled = true;
+            trainer.progress.settled = true;
             trainer.keep();
             trainer.publish();
         } else if !trainer.is_idle() {
@@ -173,16 +178,7 @@ struct Trainer<'t, 's> {
     rng: Pcg64Mcg,
     /// Choices of rollouts that an update takes, at most.
     most: usize,
-    updates: u64,
-    /// Updates that are left since the nodes changed.
-    relearn: usize,
-    /// Updates that are left once the planned ones are done.
-    extra: usize,
-    /// The planned updates are done.
-    done: bool,
-    /// The weights are final.
-    settled: bool,
-    rounds: u32,
+    progress: Progress,
     /// Choices of rollouts that were more than an update takes.
     surplus: u64,
     start: Instant,
@@ -211,12 +207,7 @@ impl<'t, 's> Trainer<'t, 's> {
             high,
             rng,
             most,
-            updates: 0,
-            relearn: 0,
-            extra: 0,
-            done: false,
-            settled: false,
-            rounds: 0,
+            progress: Progress::default(),
             surplus: 0,
             start: Instant::now(),
             earlier: 0.0,
@@ -227,53 +218,49 @@ impl<'t, 's> Trainer<'t, 's> {
             return trainer(high, graph, rng);
         };
         let mut trainer = Self {
-            updates: kept.updates,
-            relearn: kept.relearn,
-            extra: kept.extra,
-            done: kept.done,
-            settled: kept.settled,
-            rounds: kept.rounds,
+            progress: kept.progress,
             earlier: kept.seconds,
             ..trainer(high, before, kept.rng)
         };
         // In rounds a graph goes with its rollouts.
-        if !config.run.deterministic && !trainer.settled {
-            let updates = trainer.adopt(graph);
-            if trainer.done {
-                trainer.extra = trainer.extra.max(updates);
-            }
+        if !config.run.deterministic && !trainer.progress.settled {
+            trainer.go_on_with(graph);
         }
         trainer
     }
 
+    /// Adopts a newer graph; once the planned updates are done, more follow on it.
+    fn go_on_with(&mut self, newer: Graph) {
+        let updates = self.adopt(newer);
+        if self.progress.done {
+            self.progress.extra = self.progress.extra.max(updates);
+        }
+    }
+
     /// Nothing to do until somebody says something.
     fn is_idle(&self) -> bool {
-        self.done && self.extra == 0
+        self.progress.done && self.progress.extra == 0
     }
 
     fn keep(&mut self) {
         let state = State {
-            updates: self.updates,
-            relearn: self.relearn,
-            extra: self.extra,
-            done: self.done,
-            settled: self.settled,
-            rounds: self.rounds,
+            progress: self.progress,
             rng: self.rng.clone(),
             high: self.high.state(),
             graph: self.graph.to_bytes(),
             seconds: self.earlier + self.start.elapsed().as_secs_f32(),
         };
-        self.keeper.keep(self.updates, self.rounds, &state);
+        self.keeper
+            .keep(self.progress.updates, self.progress.rounds, &state);
     }
 
     /// One update more, and what goes with it.
     fn go_on(&mut self) {
-        self.extra = self.extra.saturating_sub(1);
+        self.progress.extra = self.progress.extra.saturating_sub(1);
         self.update();
-        let finished = !self.done && self.high.steps >= self.config.high.steps as u64;
+        let finished = !self.progress.done && self.high.steps >= self.config.high.steps as u64;
         if finished {
-            self.done = true;
+            self.progress.done = true;
             let seconds = self.earlier + self.start.elapsed().as_secs_f32();
             self.post.metric("time/high_s", self.high.steps, seconds);
             self.measure();
@@ -282,7 +269,7 @@ impl<'t, 's> Trainer<'t, 's> {
         if finished || self.keeper.is_due() {
             self.keep();
         }
-        if self.updates.is_multiple_of(PUBLISH) || finished || self.is_idle() {
+        if self.progress.updates.is_multiple_of(PUBLISH) || finished || self.is_idle() {
             self.publish();
         }
     }
@@ -298,7 +285,7 @@ impl Trainer<'_, '_> {
         self.high.adopt(&self.graph, &newer, &mut self.rng);
         self.graph = newer;
         if changed {
-            self.relearn = RELEARN;
+            self.progress.relearn = RELEARN;
             return RELEARN;
         }
         REFRESH
@@ -315,18 +302,18 @@ impl Trainer<'_, '_> {
     fn update(&mut self) {
         let h = &self.config.high;
         let left = 1.0 - self.high.steps as f32 / h.steps as f32;
-        let least = if self.relearn > 0 {
+        let least = if self.progress.relearn > 0 {
             RELEARN_RATE
         } else {
             LEAST_RATE
         };
-        self.relearn = self.relearn.saturating_sub(1);
+        self.progress.relearn = self.progress.relearn.saturating_sub(1);
         // Without the bonus in the end, near ties are settled and the most likely choices lead on.
         self.high.anneal(left.max(least), left.max(0.0));
         let physical = self.high.pending();
         let report = self.high.update(&self.graph, &mut self.rng);
-        self.updates += 1;
-        if self.updates.is_multiple_of(PUBLISH) {
+        self.progress.updates += 1;
+        if self.progress.updates.is_multiple_of(PUBLISH) {
             let (post, step) = (self.post, self.high.steps);
             post.metric("high/entropy_nats", step, report.entropy);
             post.metric("high/kl", step, report.kl);
@@ -355,11 +342,11 @@ impl Trainer<'_, '_> {
     fn publish(&self) {
         self.post.send(News::High {
             weights: self.high.weights.clone(),
-            version: self.updates,
+            version: self.progress.updates,
             graph: self.graph.version,
             structure: self.graph.structure(),
-            rounds: self.rounds,
-            last: self.done,
+            rounds: self.progress.rounds,
+            last: self.progress.done,
         });
     }
 }

@@ -38,7 +38,7 @@ struct State {
 pub(crate) fn train(
     config: &Config,
     data: &Dataset,
-    graph: Graph,
+    mut graph: Graph,
     encoder: &[f32],
     post: &Post<'_>,
 ) -> anyhow::Result<()> {
@@ -68,12 +68,11 @@ pub(crate) fn train(
     let Some(mut encoder) = Encoder::new(Shape::new(dz, &config.encoder.hidden), encoder) else {
         anyhow::bail!("the encoder's weights do not fit its shape");
     };
-    let (mut keeper, state) = post.keeper::<State>("low", config);
-    let (mut graph, mut state) = (graph, state);
+    let (mut keeper, mut state) = post.keeper::<State>("low", config);
     if let Some(kept) = &state {
-        match Graph::from_bytes(&kept.graph) {
-            Ok(first) if first.latent_dim == dz => graph = first,
-            _ => state = None,
+        match Graph::from_bytes_of(&kept.graph, dz) {
+            Ok(first) => graph = first,
+            Err(_) => state = None,
         }
     }
     let graph_bytes = graph.to_bytes();

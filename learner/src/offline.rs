@@ -261,7 +261,12 @@ impl<'c> Learner<'c> {
         // In rounds, the launcher knows which of them all have learned from.
         let mut rounds = u32::MAX;
         if config.run.deterministic {
-            let Some(directive) = self.first_directive(stop) else {
+            let receiver = &self.receiver;
+            let wait = || {
+                receiver.wait(Duration::from_millis(50));
+                !stop.load(Ordering::Relaxed)
+            };
+            let Some(directive) = self.directives.first(wait) else {
                 return Ok(());
             };
             rounds = directive.round;
@@ -278,6 +283,7 @@ impl<'c> Learner<'c> {
         spawn(scope, post(), move |post| {
             encoder::train(config, data, post)
         });
+        let read = |bytes: &[u8]| Graph::from_bytes_of(bytes, config.encoder.latent);
         self.status.state = State::Working as u32;
         self.reporter.status(&self.status);
         let mut pulse = Instant::now();
@@ -292,7 +298,7 @@ impl<'c> Learner<'c> {
             }
             // Before the encoder is there a graph waits in its channel: it may come no second time.
             if self.encoder.is_some()
-                && let Some(graph) = self.newer_graph()
+                && let Some(graph) = self.graphs.latest(read)
             {
                 self.take_graph(graph, |words, graph, encoder| {
                     if config.low.controller == Controller::Learned {
@@ -322,18 +328,6 @@ impl<'c> Learner<'c> {
             self.receiver.wait(Duration::from_millis(50));
         }
         Ok(())
-    }
-
-    /// The launcher's first word; none when the process shall end before it.
-    fn first_directive(&mut self, stop: &AtomicBool) -> Option<Directive> {
-        while !stop.load(Ordering::Relaxed) {
-            let directive = self.directives.latest();
-            if self.directives.heard() {
-                return Some(directive);
-            }
-            self.receiver.wait(Duration::from_millis(50));
-        }
-        None
     }
 
     /// What the data are, as numbers.
@@ -388,21 +382,9 @@ impl<'c> Learner<'c> {
         self.receiver.acknowledge();
     }
 
-    /// The newest graph, if there is a newer one; what is none is refused.
-    fn newer_graph(&mut self) -> Option<Graph> {
-        let latent = self.config.encoder.latent;
-        self.graphs.latest(|bytes| match Graph::from_bytes(bytes) {
-            Ok(graph) if graph.latent_dim == latent => Ok(graph),
-            Ok(_) => Err("its latents are of another width".to_owned()),
-            Err(error) => Err(error.to_string()),
-        })
-    }
-
     /// The first graph starts the stages that need one; later ones go to the high level.
     fn take_graph(&mut self, graph: Graph, start: impl FnOnce(Receiver<Word>, Graph, Vec<f32>)) {
-        let Some(encoder) = &self.encoder else {
-            return;
-        };
+        let Some(encoder) = &self.encoder else { return };
         self.structures
             .push_front((graph.version, graph.structure()));
         self.structures.truncate(REMEMBERED);

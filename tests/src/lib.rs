@@ -6,6 +6,8 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, Once, PoisonError};
 use std::time::{Duration, Instant};
 
+use tempfile::TempDir;
+
 /// The `formica` binary of this build; cargo does not build another package's binary for a test,
 /// so the first caller does.
 ///
@@ -152,7 +154,11 @@ seconds = 2.0
 #[must_use]
 #[allow(clippy::expect_used)]
 pub fn start(folder: &Path, sets: &[&str]) -> Child {
-    std::fs::write(folder.join("small.toml"), SMALL).expect("a folder to write in");
+    // Another launcher may be reading it.
+    let part = folder.join("small.toml.part");
+    std::fs::write(&part, SMALL)
+        .and_then(|()| std::fs::rename(&part, folder.join("small.toml")))
+        .expect("a folder to write in");
     let mut command = formica(folder, &["launch", "small.toml"]);
     sets.iter().for_each(|set| {
         command.args(["--set", set]);
@@ -201,9 +207,21 @@ pub fn of_role(launcher: &Child, role: &str) -> Vec<u32> {
 }
 
 /// Whether graph-builder, learner and two actors are at work, or will be soon.
-#[must_use]
-pub fn all_started(launcher: &Child) -> bool {
+fn all_started(launcher: &Child) -> bool {
     eventually(Duration::from_secs(60), || children(launcher).len() == 4)
+}
+
+/// Launches the small run in a folder of its own and waits until all of its processes are there.
+///
+/// # Panics
+/// When they are not.
+#[must_use]
+#[allow(clippy::expect_used)]
+pub fn started(sets: &[&str]) -> (TempDir, Child) {
+    let folder = tempfile::tempdir().expect("a folder to write in");
+    let launcher = start(folder.path(), sets);
+    assert!(all_started(&launcher), "the processes of a run");
+    (folder, launcher)
 }
 
 /// Waits for a process to end, at most so long; its exit code and what it said.

@@ -37,6 +37,14 @@ pub enum GraphError {
         /// As found.
         got: usize,
     },
+    /// Of another encoder.
+    #[error("the graph's latents are {got} wide, those of the run {expected}")]
+    Width {
+        /// Width wanted.
+        expected: usize,
+        /// Width found.
+        got: usize,
+    },
     /// An index or value that no graph has.
     #[error("the graph's {0} are damaged")]
     Damaged(&'static str),
@@ -174,6 +182,22 @@ impl Graph {
         Ok(graph)
     }
 
+    /// The same, of latents of a known width.
+    ///
+    /// # Errors
+    /// As [`from_bytes`](Self::from_bytes), or latents of another width.
+    pub fn from_bytes_of(bytes: &[u8], latent_dim: usize) -> Result<Self, GraphError> {
+        let graph = Self::from_bytes(bytes)?;
+        if graph.latent_dim == latent_dim {
+            Ok(graph)
+        } else {
+            Err(GraphError::Width {
+                expected: latent_dim,
+                got: graph.latent_dim,
+            })
+        }
+    }
+
     fn check(&self) -> Result<(), GraphError> {
         let mut ids = self.ids.clone();
         ids.sort_unstable();
@@ -258,6 +282,20 @@ mod tests {
         graph.save(&path).unwrap();
         assert_eq!(Graph::load(&path).unwrap(), graph);
         assert!(graph.to_bytes().len() <= max_bytes(7, 2));
+    }
+
+    #[test]
+    fn latents_of_another_width_are_refused() {
+        let bytes = ring(5).to_bytes();
+        assert!(Graph::from_bytes_of(&bytes, 2).is_ok());
+        let other = Graph::from_bytes_of(&bytes, 3);
+        assert!(matches!(
+            other,
+            Err(GraphError::Width {
+                expected: 3,
+                got: 2
+            })
+        ));
     }
 
     #[test]

@@ -197,6 +197,10 @@ pub struct Claim {
     _lock: File,
 }
 
+fn claim_path(root: &std::path::Path, actor: u32) -> PathBuf {
+    root.join(format!("actor-{actor}"))
+}
+
 /// A process's place on the channels.
 pub struct Bus {
     node: Node<Ipc>,
@@ -310,10 +314,6 @@ impl Bus {
         })
     }
 
-    fn place(&self, actor: u32) -> PathBuf {
-        self.root.join(format!("actor-{actor}"))
-    }
-
     /// Takes an actor's id for this process.
     ///
     /// # Errors
@@ -332,7 +332,7 @@ impl Bus {
     }
 
     fn try_claim(&self, actor: u32) -> Result<Claim, WireError> {
-        let path = self.place(actor);
+        let path = claim_path(&self.root, actor);
         let failed = |source| WireError::Io {
             path: path.display().to_string(),
             source,
@@ -370,13 +370,13 @@ impl Bus {
 
     /// Incarnation of the process that last took an actor's id.
     pub(crate) fn claimed(root: &std::path::Path, actor: u32) -> Option<u32> {
-        let text = fs::read_to_string(root.join(format!("actor-{actor}"))).ok()?;
+        let text = fs::read_to_string(claim_path(root, actor)).ok()?;
         text.parse().ok()
     }
 
     /// Whether a process holds an actor's id.
     pub(crate) fn is_claimed(root: &std::path::Path, actor: u32) -> bool {
-        match File::open(root.join(format!("actor-{actor}"))) {
+        match File::open(claim_path(root, actor)) {
             Ok(file) => matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)),
             Err(_) => false,
         }

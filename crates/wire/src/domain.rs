@@ -103,22 +103,6 @@ impl RunDomain {
         })
     }
 
-    /// The same domain for another thread to look at; it holds no lock.
-    #[must_use]
-    pub fn observer(&self) -> Self {
-        Self {
-            id: self.id.clone(),
-            root: self.root.clone(),
-            lock: None,
-        }
-    }
-
-    /// Whether its run is alive.
-    #[must_use]
-    pub fn is_alive(&self) -> bool {
-        is_alive(&self.root)
-    }
-
     /// The domain's id: 8 hexadecimal digits.
     #[must_use]
     pub fn id(&self) -> &str {

@@ -2,6 +2,7 @@
 //! overtaken is never seen.
 
 use std::cell::RefCell;
+use std::fmt::Display;
 
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
@@ -280,7 +281,7 @@ impl GraphSubscriber {
 
     /// What `read` makes of the newest graph's bytes, if there is a newer one than at the last
     /// call. Bytes that it finds no graph in are refused.
-    pub fn latest<G>(&mut self, read: impl Fn(&[u8]) -> Result<G, String>) -> Option<G> {
+    pub fn latest<G, E: Display>(&mut self, read: impl Fn(&[u8]) -> Result<G, E>) -> Option<G> {
         let found = RefCell::new(None);
         newest(&self.subscriber, &mut self.refused, |bytes: &[u8]| {
             let graph = read(bytes).map_err(|what| format!("graph: {what}"))?;
@@ -358,10 +359,17 @@ impl DirectiveSubscriber {
         self.refused
     }
 
-    /// Whether the launcher has spoken.
-    #[must_use]
-    pub fn heard(&self) -> bool {
-        self.heard
+    /// The launcher's first word, however long `wait` waits for it; none once `wait` is false.
+    pub fn first(&mut self, mut wait: impl FnMut() -> bool) -> Option<Directive> {
+        loop {
+            let directive = self.latest();
+            if self.heard {
+                return Some(directive);
+            }
+            if !wait() {
+                return None;
+            }
+        }
     }
 
     /// The newest directive; the default one before the launcher has spoken.

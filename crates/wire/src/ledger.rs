@@ -39,6 +39,8 @@ pub struct Source {
 pub(crate) struct Ledger {
     file: Option<File>,
     past: u64,
+    /// What is written, made anew each time.
+    table: Vec<u8>,
 }
 
 /// What a ledger holds.
@@ -65,7 +67,8 @@ impl Ledger {
         let books = read(&mut file)?.unwrap_or_default();
         let past = books.past.len() as u64;
         let file = Some(file);
-        Ok((Self { file, past }, books))
+        let table = Vec::with_capacity(TABLE);
+        Ok((Self { file, past, table }, books))
     }
 
     /// One that forgets, for readers that have no successor.
@@ -74,6 +77,7 @@ impl Ledger {
         Self {
             file: None,
             past: 0,
+            table: vec![],
         }
     }
 
@@ -86,7 +90,8 @@ impl Ledger {
 
     /// Notes the present state. Only then may it be acknowledged.
     pub(crate) fn write(&mut self, counts: &Counts, sources: &[Source; MAX_ACTORS]) {
-        let mut bytes = Vec::with_capacity(TABLE);
+        let mut bytes = std::mem::take(&mut self.table);
+        bytes.clear();
         bytes.extend(MAGIC);
         for value in [
             self.past,
@@ -101,6 +106,7 @@ impl Ledger {
         bytes.resize(HEAD, 0);
         sources.iter().for_each(|source| bytes.extend(row(source)));
         self.put(&bytes, 0);
+        self.table = bytes;
     }
 
     fn put(&mut self, bytes: &[u8], at: u64) {

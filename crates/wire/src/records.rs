@@ -2,6 +2,7 @@
 #![allow(unsafe_code)] // The derive of `ZeroCopySend` writes an unsafe impl and checks its terms.
 
 use iceoryx2::prelude::ZeroCopySend;
+use serde::{Deserialize, Serialize};
 
 /// Version of all records; processes of another one are refused.
 pub const LAYOUT: u32 = 3;
@@ -478,7 +479,7 @@ impl Metric {
 
 /// How an episode of the evaluation or of a round went.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, ZeroCopySend, Serialize, Deserialize)]
 #[type_name("formica.EpisodeResult")]
 pub struct EpisodeResult {
     /// The actor.
