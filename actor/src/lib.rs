@@ -9,6 +9,7 @@ pub mod ceiling;
 pub mod collect;
 mod inbox;
 mod navigate;
+mod traces;
 mod walk;
 mod walker;
 

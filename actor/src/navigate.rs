@@ -1,25 +1,25 @@
 //! Rollouts of the hierarchy: while training, between random places with sampled subgoals; in
 //! evaluation, the paper's protocol.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use agents::navigator::{Choosing, Decision, Navigator};
+use agents::navigator::{Choosing, Navigator};
 use config::Config;
 use maze::{
-    AntMaze, FALLEN, Layout, Observation, Physics, Style, Task, WALL_HEIGHT, evaluation_task,
-    random_task, upright,
+    AntMaze, FALLEN, Layout, Observation, Physics, Style, Task, evaluation_task, random_task,
+    upright,
 };
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
-use trace::{EpisodeWriter, Scene, StepMessage, StepRecord};
+use trace::StepRecord;
 use wire::{
     Bus, Claim, Directive, DirectiveSubscriber, Drained, EpisodeResult, Metric, Phase, Reporter,
     Role, State, Status, TrajectoryHeader, TrajectorySender, Transition, flags,
 };
 
 use crate::inbox::{Inbox, Versions};
+use crate::traces::{Numbered, Traces};
 
 /// Rows of a trajectory, its final row included.
 pub(crate) const TRAJECTORY_STEPS: usize = 129;
@@ -27,7 +27,6 @@ pub(crate) const TRAJECTORY_STEPS: usize = 129;
 struct Actor<'a> {
     config: &'a Config,
     layout: &'a Layout,
-    folder: &'a Path,
     id: u32,
     ant: AntMaze,
     inbox: Inbox,
@@ -45,8 +44,7 @@ struct Actor<'a> {
     episode: u64,
     /// The round that the episode is of, 0 for none.
     round: u32,
-    /// Whether a trace of a failure and of a success has been kept.
-    kept: [bool; 2],
+    traces: Traces<'a>,
     stopped: &'a dyn Fn() -> bool,
 }
 
@@ -94,6 +92,14 @@ impl Purpose {
             Self::Evaluate => Phase::Evaluate,
         }
     }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Train => "training",
+            Self::Test => "test",
+            Self::Evaluate => "evaluation",
+        }
+    }
 }
 
 pub(crate) fn run(
@@ -115,7 +121,6 @@ pub(crate) fn run(
     let mut actor = Actor {
         config,
         layout,
-        folder,
         id,
         ant: AntMaze::new(layout, Physics::MAZE),
         inbox: Inbox::new(config, bus)?,
@@ -130,7 +135,7 @@ pub(crate) fn run(
         record: Vec::with_capacity(TRAJECTORY_STEPS),
         episode: 0,
         round: 0,
-        kept: [false; 2],
+        traces: Traces::new(config, layout, folder, id)?,
         stopped,
     };
     actor.status.state = State::Waiting as u32;
@@ -225,12 +230,12 @@ impl Actor<'_> {
         let every = self.config.rollouts.test_every as u64;
         if every > 0 && self.episode.is_multiple_of(every) {
             let task = evaluation_task(self.layout, rng);
-            let ended = self.play(&task, Purpose::Test, rng, None)?;
+            let ended = self.play(&task, Purpose::Test, rng)?;
             self.report_test(&ended);
             return Ok(());
         }
         let task = random_task(self.layout, Style::Diverse, rng);
-        self.play(&task, Purpose::Train, rng, None)?;
+        self.play(&task, Purpose::Train, rng)?;
         Ok(())
     }
 
@@ -261,7 +266,7 @@ impl Actor<'_> {
             let task = random_task(self.layout, Style::Diverse, &mut rng);
             (task, Purpose::Train)
         };
-        let ended = self.play(&task, purpose, &mut rng, None)?;
+        let ended = self.play(&task, purpose, &mut rng)?;
         self.round = 0;
         if test {
             self.report_test(&ended);
@@ -307,55 +312,8 @@ impl Actor<'_> {
         let seed = (self.config.run.seed << 20) + 0xe0a1 + u64::from(episode);
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let task = evaluation_task(self.layout, &mut rng);
-        let keep_all = self.config.evaluation.all_traces;
-        let path = self
-            .folder
-            .join("traces")
-            .join(format!("episode-{episode:04}.mcap"));
-        let mut writer = None;
-        if keep_all || self.kept != [true; 2] {
-            // A disk that is full ends the traces, not the run.
-            writer = match EpisodeWriter::create(&path, &self.scene(&task), self.config.resolved())
-            {
-                Ok(writer) => Some(writer),
-                Err(error) => {
-                    eprintln!("actor: no trace: {error}");
-                    None
-                }
-            };
-        }
         self.episode = u64::from(episode);
-        let ended = self.play(&task, Purpose::Evaluate, &mut rng, writer.as_mut())?;
-        if let Some(writer) = writer {
-            let kept = &mut self.kept[usize::from(ended.success)];
-            if ended.broken || (*kept && !keep_all) {
-                writer.discard();
-            } else {
-                let outcome = if ended.success { "success" } else { "failure" };
-                let [low, high, graph] = self.versions;
-                let metadata = BTreeMap::from(
-                    [
-                        ("episode", episode.to_string()),
-                        ("outcome", outcome.to_owned()),
-                        ("fell", ended.fell.to_string()),
-                        ("nearest_m", format!("{:.3}", ended.nearest)),
-                        ("actor", self.id.to_string()),
-                        ("seed", self.config.run.seed.to_string()),
-                        ("maze", self.config.maze.layout.clone()),
-                        ("goal", format!("{:?}", task.goal)),
-                        ("low_version", low.to_string()),
-                        ("high_version", high.to_string()),
-                        ("graph_version", graph.to_string()),
-                        ("config", self.config.hash()),
-                    ]
-                    .map(|(key, value)| (key.to_owned(), value)),
-                );
-                match writer.finish(metadata) {
-                    Ok(_) => *kept = true,
-                    Err(error) => eprintln!("actor: no trace: {error}"),
-                }
-            }
-        }
+        let ended = self.play(&task, Purpose::Evaluate, &mut rng)?;
         if ended.broken {
             return Ok(None);
         }
@@ -364,34 +322,8 @@ impl Actor<'_> {
         Ok(Some(result))
     }
 
-    fn scene(&self, task: &Task) -> Scene {
-        let mut scene = Scene {
-            walls: self.layout.boxes(),
-            wall_height: WALL_HEIGHT,
-            goal: task.goal,
-            goal_radius: self.config.evaluation.success_radius as f32,
-            ..Scene::default()
-        };
-        if let Some(navigator) = &self.navigator {
-            let graph = navigator.graph();
-            scene.nodes.clone_from(&graph.places);
-            for node in 0..graph.len() as u32 {
-                scene
-                    .edges
-                    .extend(graph.neighbours(node).iter().map(|edge| (node, edge.to)));
-            }
-        }
-        scene
-    }
-
     /// Plays one episode and sends its trajectories.
-    fn play(
-        &mut self,
-        task: &Task,
-        purpose: Purpose,
-        rng: &mut Pcg64Mcg,
-        mut trace: Option<&mut EpisodeWriter>,
-    ) -> anyhow::Result<Ended> {
+    fn play(&mut self, task: &Task, purpose: Purpose, rng: &mut Pcg64Mcg) -> anyhow::Result<Ended> {
         let choosing = if purpose == Purpose::Train {
             Choosing::Sampled
         } else {
@@ -400,9 +332,13 @@ impl Actor<'_> {
         let radius = self.config.evaluation.success_radius as f32;
         let limit = self.config.evaluation.max_steps;
         let patience = self.config.execution.max_edge_steps;
-        self.ant.reset(task.start, rng);
+        let start = self.ant.reset(task.start, rng);
+        let numbered = self.numbered(purpose);
         if let Some(navigator) = &mut self.navigator {
             navigator.begin(task.goal);
+            let versions = self.versions;
+            self.traces
+                .begin(numbered, purpose.name(), task, &start, navigator, versions);
         }
         let mut ended = Ended {
             success: false,
@@ -419,13 +355,9 @@ impl Actor<'_> {
             };
             let decision = navigator.decide(&observation, choosing, rng);
             let goal_node = navigator.goal_node();
-            if let Some(writer) = &mut trace {
-                let record = self.step_record(step, &observation, &decision, task, choosing);
-                if let Err(error) = writer.step(&record) {
-                    eprintln!("actor: the trace ends here: {error}");
-                    trace = None;
-                }
-            }
+            let traced = self
+                .traces
+                .decided(step, &observation, &decision, navigator, &self.ant);
             let mut bits = match decision.outcome {
                 Some(outcome) if outcome.reached => flags::REACHED,
                 Some(_) => flags::FAILED,
@@ -471,11 +403,15 @@ impl Actor<'_> {
             } else if last {
                 bits |= flags::TRUNCATED;
             }
+            let reward = f32::from(u8::from(ended.success));
+            if let Some(record) = traced {
+                self.traces.step(StepRecord { reward, ..record });
+            }
             self.record.push(Transition {
                 observation: before,
                 action: decision.action,
                 goal: task.goal,
-                reward: f32::from(u8::from(ended.success)),
+                reward,
                 log_prob: decision.chosen.map_or(0.0, |chosen| chosen.log_prob),
                 node: decision.node as i32,
                 subgoal: decision.subgoal.map_or(-1, |node| node as i32),
@@ -490,42 +426,20 @@ impl Actor<'_> {
             }
             self.pulse();
         }
+        if ended.broken {
+            self.traces.discard();
+        } else {
+            self.traces.end(ended.success, &observation, &self.ant);
+        }
         Ok(ended)
     }
 
-    fn step_record(
-        &self,
-        step: usize,
-        observation: &Observation,
-        decision: &Decision,
-        task: &Task,
-        choosing: Choosing,
-    ) -> StepRecord {
-        let place = [observation[0], observation[1]];
-        let distance = |to: [f32; 2]| (to[0] - place[0]).hypot(to[1] - place[1]);
-        let [low_version, high_version, graph_version] = self.versions;
-        let chosen = choosing == Choosing::Greedy && decision.chosen.is_some();
-        let neighbours = self.navigator.as_ref().filter(|_| chosen);
-        let neighbours = neighbours.map_or(&[][..], |navigator| navigator.probabilities());
-        StepRecord {
-            message: StepMessage {
-                step: step as u32,
-                reward: 0.0,
-                goal_distance: distance(task.goal),
-                subgoal_distance: distance(decision.place),
-                node: decision.node as i32,
-                subgoal_node: decision.subgoal.map_or(-1, |node| node as i32),
-                low_version,
-                high_version,
-                graph_version,
-                observation: observation.to_vec(),
-                action: decision.action.to_vec(),
-                neighbours: neighbours.iter().map(|(node, _)| *node).collect(),
-                probabilities: neighbours.iter().map(|(_, p)| *p).collect(),
-            },
-            bodies: self.ant.body_poses(),
-            goal: task.goal,
-            subgoal: decision.place,
+    /// The episode under way, by its number.
+    fn numbered(&self, purpose: Purpose) -> Numbered {
+        match (purpose, self.round) {
+            (Purpose::Evaluate, _) => Numbered::Evaluation(self.episode as u32),
+            (_, 0) => Numbered::Own(self.episode),
+            (_, round) => Numbered::Round(round, self.episode as u32),
         }
     }
 

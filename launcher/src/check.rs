@@ -65,9 +65,7 @@ pub(crate) fn limits(config: &Config) -> Limits {
         [
             vae::Shape::new(dz, &config.encoder.hidden).weights(),
             low::Policy::new(dz, &config.low.hidden).mlp().parameters(),
-            high::Policy::new(dz, nodes, &config.high.hidden)
-                .mlp()
-                .parameters(),
+            high::Policy::new(dz, nodes, &config.high.hidden).weights(),
             0,
         ]
     } else {

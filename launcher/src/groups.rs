@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::recorded::Recorded;
+use crate::table::aligned;
 
 /// Runs of one config but for the seed.
 pub(crate) struct Group {
@@ -136,19 +137,7 @@ pub(crate) fn table(groups: &[Group]) -> String {
             number(scores.iter().copied().reduce(f64::max)),
         ]);
     }
-    let mut text = String::new();
-    for line in &lines {
-        for (column, cell) in line.iter().enumerate() {
-            let cells = lines.iter().map(|line| line[column].chars().count());
-            let width = cells.max().unwrap_or(0);
-            text += &match column {
-                0 => format!("{cell:<width$}"),
-                _ => format!("  {cell:>width$}"),
-            };
-        }
-        text.push('\n');
-    }
-    text
+    aligned(&lines)
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use crate::interrupts::Interrupts;
 use crate::progress::{MetricsFile, Progress, Statuses};
 use crate::saved::{Saved, Saver};
 use crate::stages::Times;
-use crate::{check, folder, role, score, stages};
+use crate::{check, folder, recovery, role, score, stages};
 
 /// How often children, reports and dead nodes are looked after.
 const TICK: Duration = Duration::from_millis(50);
@@ -96,6 +96,7 @@ pub(crate) fn resume(name: &str) -> anyhow::Result<ExitCode> {
     clear_dead();
     let (folder, config) = folder::reopen(name)?;
     check::resources(&config)?;
+    recovery::sweep(&folder.path, config.topology.actors);
     let saved = Saver::new(&folder.path).load().unwrap_or_default();
     println!(
         "run {} goes on after {:.0} s, with config {}",
@@ -566,6 +567,11 @@ impl Run<'_> {
     /// Says how it went, and writes it down.
     fn report(&mut self) -> anyhow::Result<ExitCode> {
         self.save();
+        let recovered = recovery::sweep(self.folder, self.config.topology.actors);
+        if recovered > 0 {
+            self.progress
+                .say(&format!("traces of killed actors recovered: {recovered}"));
+        }
         let readers = &self.bus.limits().readers;
         let (text, agree) = self.accounts.settle(self.folder, readers);
         self.progress.say(&text);

@@ -1,6 +1,7 @@
 //! `formica`: launches a run and supervises its processes; the roles themselves are subcommands.
 //!
-//! Exit codes: 0 fine, 1 failed, 2 a fault in what the user gave, 130 ended by Ctrl-C.
+//! Exit codes: 0 fine, 1 failed, 2 a fault in what the user gave, 3 done but with a trace that is
+//! cut off, 130 ended by Ctrl-C.
 
 mod accounts;
 mod axis;
@@ -10,16 +11,25 @@ mod children;
 mod curves;
 mod dataset;
 mod doctor;
+mod episode_picture;
+mod floor_plan;
 mod folder;
 mod groups;
+mod inspect;
 mod interrupts;
 mod launch;
+mod markup;
+mod picture;
 mod progress;
 mod recorded;
+mod recovery;
+mod replay;
 mod role;
 mod saved;
 mod score;
 mod stages;
+mod story;
+mod table;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -64,6 +74,21 @@ enum Command {
     },
     /// Draw learning curves of runs, with mean and spread over seeds, and print their final scores
     Curves(curves::Args),
+    /// Tell what happened in a recorded episode; of a folder of traces, a table
+    Inspect(inspect::Args),
+    /// Simulate a trace's actions again and compare every state bit by bit
+    Replay {
+        /// The trace
+        trace: PathBuf,
+    },
+    /// Make a whole trace of what is whole of one that was cut off
+    Recover {
+        /// The trace, a .part or a damaged one
+        trace: PathBuf,
+        /// Where it goes; X.cut.mcap beside it by default
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Look at this machine, and clear what dead runs left in shared memory
     Doctor,
     /// An actor of a run (started by launch)
@@ -133,6 +158,9 @@ fn main() -> ExitCode {
         }),
         Command::Dataset(action) => dataset::run(&action),
         Command::Curves(args) => curves::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
+        Command::Replay { trace } => replay::run(&trace),
+        Command::Recover { trace, out } => recovery::run(&trace, out.as_deref()),
         Command::Doctor => doctor::doctor(),
         Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),
         Command::Learner(args) => role::run(|stop| learner::run(&args, stop)),

@@ -341,7 +341,7 @@ impl Trainer<'_, '_> {
 
     fn publish(&self) {
         self.post.send(News::High {
-            weights: self.high.weights.clone(),
+            weights: self.high.weights(),
             version: self.progress.updates,
             graph: self.graph.version,
             structure: self.graph.structure(),

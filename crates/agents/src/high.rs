@@ -46,10 +46,12 @@ pub struct Settings {
 /// Frequencies of the Fourier features of a latent.
 const FREQUENCIES: [f32; 4] = [1.0, 2.0, 4.0, 8.0];
 
-/// The policy's shape over a graph's nodes.
+/// The shapes of policy and critic over a graph's nodes. Those who act have the weights of both in
+/// one: the policy's, then the critic's.
 #[derive(Debug, Clone)]
 pub struct Policy {
     mlp: Mlp,
+    critic: Mlp,
     latent: usize,
 }
 
@@ -62,17 +64,33 @@ impl Policy {
     /// A policy with `nodes` logits over latents of this width.
     #[must_use]
     pub fn new(latent: usize, nodes: usize, hidden: &[usize]) -> Self {
-        let sizes = [&[input_width(latent)], hidden, &[nodes]].concat();
+        let network = |outputs: usize| {
+            let sizes = [&[input_width(latent)], hidden, &[outputs]].concat();
+            Mlp::new(&sizes, Activation::Gelu, false)
+        };
         Self {
-            mlp: Mlp::new(&sizes, Activation::Gelu, false),
+            mlp: network(nodes),
+            critic: network(1),
             latent,
         }
     }
 
-    /// The network; its parameters are the policy's weights.
+    /// The policy's network.
     #[must_use]
     pub fn mlp(&self) -> &Mlp {
         &self.mlp
+    }
+
+    /// Number of weights, the critic's included.
+    #[must_use]
+    pub fn weights(&self) -> usize {
+        self.mlp.parameters() + self.critic.parameters()
+    }
+
+    /// Room to act in.
+    #[must_use]
+    pub fn workspaces(&self) -> [Workspace; 2] {
+        [self.mlp.workspace(1), self.critic.workspace(1)]
     }
 
     /// Appends the input of a node's latent and the goal's latent.
@@ -80,15 +98,26 @@ impl Policy {
         embed(node, goal, self.latent, input);
     }
 
-    /// Logits `[batch, nodes]`; only those of neighbours mean anything.
+    /// Logits `[nodes]` for one input; only those of neighbours mean anything.
     pub fn logits<'w>(
         &self,
         weights: &[f32],
         input: &[f32],
-        batch: usize,
-        workspace: &'w mut Workspace,
+        [workspace, _]: &'w mut [Workspace; 2],
     ) -> &'w [f32] {
-        self.mlp.infer(weights, input, batch, workspace)
+        let weights = &weights[..self.mlp.parameters()];
+        self.mlp.infer(weights, input, 1, workspace)
+    }
+
+    /// The critic's value of one input: the sum of discounted rewards to come.
+    pub fn value(
+        &self,
+        weights: &[f32],
+        input: &[f32],
+        [_, workspace]: &mut [Workspace; 2],
+    ) -> f32 {
+        let weights = &weights[self.mlp.parameters()..];
+        self.critic.infer(weights, input, 1, workspace)[0]
     }
 }
 
@@ -171,8 +200,7 @@ pub struct High {
     policy: Policy,
     value: Mlp,
     settings: Settings,
-    /// The policy's weights, as actors use them.
-    pub weights: Vec<f32>,
+    weights: Vec<f32>,
     value_parameters: Vec<f32>,
     policy_adam: Adam,
     value_adam: Adam,
@@ -194,13 +222,7 @@ impl High {
     pub fn new(graph: &Graph, settings: Settings, rng: &mut impl Rng) -> Self {
         let nodes = graph.len();
         let policy = Policy::new(graph.latent_dim, nodes, &settings.hidden);
-        let sizes = [
-            &[input_width(graph.latent_dim)],
-            settings.hidden.as_slice(),
-            &[1],
-        ]
-        .concat();
-        let value = Mlp::new(&sizes, Activation::Gelu, false);
+        let value = policy.critic.clone();
         let weights = policy.mlp.init(rng, 0.01);
         let value_parameters = value.init(rng, 1.0);
         let capacity = settings.ppo.minibatch.max(settings.environments);
@@ -224,6 +246,12 @@ impl High {
             steps: 0,
             ended: (0, 0, 0.0),
         }
+    }
+
+    /// The weights of policy and critic, as actors use them.
+    #[must_use]
+    pub fn weights(&self) -> Vec<f32> {
+        [&self.weights[..], &self.value_parameters].concat()
     }
 
     /// Where the training is.

@@ -143,7 +143,7 @@ pub struct Navigator {
     controller: Controller,
     planner: Planner,
     controller_workspace: Workspace,
-    planner_workspace: Workspace,
+    planner_workspaces: [Workspace; 2],
     /// Cost of the way from each node to the goal's; for a search alone.
     costs: Vec<f32>,
     input: Vec<f32>,
@@ -179,13 +179,13 @@ impl Navigator {
         };
         let planner_fits = match &planner {
             Planner::Learned(policy, weights) => {
-                weights.len() == policy.mlp().parameters() && policy.mlp().outputs() == graph.len()
+                weights.len() == policy.weights() && policy.mlp().outputs() == graph.len()
             }
             Planner::Search => true,
         };
-        let planner_workspace = match &planner {
-            Planner::Learned(policy, _) => policy.mlp().workspace(1),
-            Planner::Search => Workspace::default(),
+        let planner_workspaces = match &planner {
+            Planner::Learned(policy, _) => policy.workspaces(),
+            Planner::Search => Default::default(),
         };
         let fits = planner_fits
             && controller_fits
@@ -193,7 +193,7 @@ impl Navigator {
             && !graph.is_empty();
         fits.then(|| Self {
             controller_workspace: controller.mlp().workspace(1),
-            planner_workspace,
+            planner_workspaces,
             costs: vec![],
             goal_latent: vec![0.0; encoder.latent()],
             settings,
@@ -229,6 +229,19 @@ impl Navigator {
     #[must_use]
     pub fn probabilities(&self) -> &[(u32, f32)] {
         &self.probabilities
+    }
+
+    /// What is still to come on the way from a node to the goal: by the learned policy's critic,
+    /// or less the cost of the way that a search goes.
+    pub fn value(&mut self, node: u32) -> f32 {
+        match &self.planner {
+            Planner::Learned(policy, weights) => {
+                self.input.clear();
+                policy.input(self.graph.latent(node), &self.goal_latent, &mut self.input);
+                policy.value(weights, &self.input, &mut self.planner_workspaces)
+            }
+            Planner::Search => self.costs.get(node as usize).map_or(f32::NAN, |cost| -cost),
+        }
     }
 
     /// Begins an episode towards a goal (m).
@@ -403,7 +416,7 @@ impl Navigator {
             Planner::Learned(policy, weights) => {
                 self.input.clear();
                 policy.input(self.graph.latent(node), &self.goal_latent, &mut self.input);
-                let logits = policy.logits(weights, &self.input, 1, &mut self.planner_workspace);
+                let logits = policy.logits(weights, &self.input, &mut self.planner_workspaces);
                 let masked = Masked::new(logits, &self.allowed)?;
                 let picked = match choosing {
                     Choosing::Sampled => masked.sample(rng),

@@ -9,7 +9,7 @@ use std::path::Path;
 pub use reader::{Fault, Faults};
 pub use sections::{
     Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
-    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Supervision, Topology,
+    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Supervision, Topology, Traces,
     WalkerTraining,
 };
 

@@ -5,13 +5,13 @@ use std::path::Path;
 use crate::reader::{Document, Table};
 use crate::sections::{
     Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
-    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Supervision, Topology,
+    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Supervision, Topology, Traces,
     WalkerTraining,
 };
 
 const LAYOUTS: [&str; 6] = ["umaze", "medium", "large", "giant", "teleport", "custom"];
 
-const OFFLINE_TABLES: [&str; 9] = [
+const OFFLINE_TABLES: [&str; 10] = [
     "dataset",
     "collect",
     "encoder",
@@ -21,6 +21,7 @@ const OFFLINE_TABLES: [&str; 9] = [
     "rollouts",
     "execution",
     "evaluation",
+    "traces",
 ];
 
 pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
@@ -95,6 +96,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
     let rollouts = read_rollouts(d, offline);
     let execution = read_execution(d, offline);
     let evaluation = read_evaluation(d, offline, &maze.layout);
+    let traces = read_traces(d, offline);
     let walker = read_walker(d, !offline);
     d.finish(if offline {
         &["walker"]
@@ -117,6 +119,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         rollouts,
         execution,
         evaluation,
+        traces,
         walker,
         resolved: String::new(),
     }
@@ -371,7 +374,13 @@ fn read_evaluation(d: &mut Document<'_>, wanted: bool, layout: &str) -> Evaluati
             [1, 1_000_000],
         ),
         success_radius: t.number("success_radius", 0.5, [0.01, 10.0]),
-        all_traces: t.value("all_traces", false, |_| Ok(())),
+    })
+}
+
+fn read_traces(d: &mut Document<'_>, wanted: bool) -> Traces {
+    table(d, wanted, "traces", |t| Traces {
+        evaluation: t.value("evaluation", true, |_| Ok(())),
+        training_every: t.count("training_every", 0, [0, 1_000_000_000]),
     })
 }
 

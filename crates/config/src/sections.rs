@@ -314,8 +314,15 @@ pub struct Evaluation {
     pub max_steps: usize,
     /// The goal is reached within this distance (m).
     pub success_radius: f64,
-    /// Episodes whose traces are kept: all, or the first success and failure of each actor.
-    pub all_traces: bool,
+}
+
+/// `[traces]`
+#[derive(Debug, Clone, PartialEq)]
+pub struct Traces {
+    /// Whether every episode of the evaluation leaves a trace.
+    pub evaluation: bool,
+    /// Every so many training episodes of an actor one leaves a trace. Zero is none.
+    pub training_every: usize,
 }
 
 /// `[walker]`
@@ -398,6 +405,8 @@ pub struct Config {
     pub execution: Execution,
     /// `[evaluation]`
     pub evaluation: Evaluation,
+    /// `[traces]`
+    pub traces: Traces,
     /// `[walker]`
     pub walker: WalkerTraining,
     pub(crate) resolved: String,

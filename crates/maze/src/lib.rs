@@ -18,7 +18,7 @@ pub use egocentric::{EGOCENTRIC, Egocentric};
 pub use layout::{CELL_SIZE, Cell, Layout, LayoutError, WALL_HEIGHT};
 pub use route::Route;
 pub use task::{SUCCESS_RADIUS, Style, Task, evaluation_task, random_task};
-pub use world::{AntMaze, Physics, State};
+pub use world::{AntMaze, Physics, Start, State};
 
 /// Width of an observation: 15 positions, then 14 velocities, in D4RL's order.
 pub const OBSERVATION: usize = 29;

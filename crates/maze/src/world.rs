@@ -88,6 +88,15 @@ struct Sets {
 #[derive(Clone)]
 pub struct State(Box<(Sets, Pcg64Mcg)>);
 
+/// What an episode begins from: with it and the actions the episode is simulated again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// Positions and velocities as set; the quaternion is not normalised yet.
+    pub observation: Observation,
+    /// Seed of the choice of teleports' outlets, 0 in a maze without.
+    pub exits: u64,
+}
+
 /// One ant in one maze. A clone is another ant in the same state; the two share what never
 /// changes, so clone a world rather than build many.
 pub struct AntMaze {
@@ -198,8 +207,9 @@ impl AntMaze {
     }
 
     /// Puts the ant at a place (m) with D4RL's reset noise: positions U(-0.1, 0.1), velocities
-    /// 0.1 N(0, 1). In a maze with teleports it seeds the choice of their outlets, too.
-    pub fn reset(&mut self, place: [f32; 2], rng: &mut impl Rng) {
+    /// 0.1 N(0, 1). In a maze with teleports it seeds the choice of their outlets, too. What it
+    /// returns makes the same start again.
+    pub fn reset(&mut self, place: [f32; 2], rng: &mut impl Rng) -> Start {
         let mut observation = reset_pose(place);
         if let Ok(noise) = Uniform::new_inclusive(-0.1, 0.1) {
             for value in &mut observation[..15] {
@@ -210,10 +220,21 @@ impl AntMaze {
             let sample: f32 = StandardNormal.sample(rng);
             *value = 0.1 * sample;
         }
+        let exits = match self.outlets.is_empty() {
+            true => 0,
+            false => rng.random(),
+        };
+        let start = Start { observation, exits };
+        self.begin(&start);
+        start
+    }
+
+    /// Begins as a [`reset`](Self::reset) did: the same actions lead to the same bits.
+    pub fn begin(&mut self, start: &Start) {
         if !self.outlets.is_empty() {
-            self.exits = Pcg64Mcg::seed_from_u64(rng.random());
+            self.exits = Pcg64Mcg::seed_from_u64(start.exits);
         }
-        self.set(&observation);
+        self.set(&start.observation);
     }
 
     /// Starts anew from an observation: the pristine world with these positions and velocities.

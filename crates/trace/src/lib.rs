@@ -6,32 +6,52 @@
 //! |---|---|---|
 //! | /scene/maze | foxglove.SceneUpdate: walls, goal | once |
 //! | /scene/ant | foxglove.SceneUpdate, locked to the bodies' frames | once |
+//! | /scene/choice | foxglove.SceneUpdate: from the node of the choice to the chosen one | each choice |
 //! | /graph | foxglove.SceneUpdate: nodes, edges | once |
 //! | /graph/nodes | foxglove.PosesInFrame | once |
-//! | /tf | foxglove.FrameTransforms of the nine bodies | each step |
-//! | /goal, /subgoal | foxglove.PoseInFrame | each step |
-//! | /step | formica.Step: [`Step`] | each step |
+//! | /graph/structure | formica.Graph: [`Graph`] | once |
+//! | /points/walls, /points/ant | foxglove.PointCloud, for viewers that draw no scene | once |
+//! | /tf | foxglove.FrameTransforms of the nine bodies | each step, and after the last |
+//! | /goal | foxglove.PoseInFrame | once |
+//! | /subgoal | foxglove.PoseInFrame | each change |
 //! | /path | foxglove.PosesInFrame: last ten seconds, at the end all | each second |
-//! | /log | foxglove.Log: start, changes of subgoal, end | as it happens |
+//! | /start | formica.Start: [`Start`] | once |
+//! | /step | formica.Step: [`Step`] | each step |
+//! | /choice | formica.Choice: [`Choice`] | each choice |
+//! | /outcome | formica.EdgeOutcome: [`EdgeOutcome`] | each choice reached or given up |
+//! | /end | formica.End: [`End`] | once |
+//! | /log | foxglove.Log: start, choices, what became of them, end | as it happens |
 //!
 //! A message's log time is the wall clock at the start plus simulated time, so that a trace plays
 //! at the speed of the simulated world. Attachments: `config.toml`, `layout.json` (a layout for
-//! Foxglove and Lichtblick). Metadata record: [`METADATA`].
+//! Foxglove and Lichtblick). Metadata records: [`METADATA`] first, [`OUTCOME`] last.
+//!
+//! Chunks are on disk each second, and a file is called `.part` until it is whole; [`recover`]
+//! makes what is whole of one into a trace.
 
+mod message;
 mod meta;
 mod read;
+mod record;
+mod recorder;
+mod recover;
 mod scene;
-mod step;
+mod topic;
 mod write;
 
+pub use message::{Choice, EdgeOutcome, End, Graph, Start, Step};
 pub use meta::{EpisodeMeta, Outcome};
-pub use read::{Summary, steps, summary};
+pub use read::{Trace, read, steps, summary};
+pub use record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
+pub use recorder::{Episode, Recorder};
+pub use recover::{Recovered, recover};
 pub use scene::Scene;
-pub use step::{Step, StepMessage, StepRecord};
 pub use write::EpisodeWriter;
 
-/// Name of the metadata record of an episode.
+/// Name of the metadata record of an episode, written at its start.
 pub const METADATA: &str = "formica.episode";
+/// Name of the metadata record of how it ended, written at its end.
+pub const OUTCOME: &str = "formica.outcome";
 
 /// Why a trace could not be written or read.
 #[derive(Debug, thiserror::Error)]

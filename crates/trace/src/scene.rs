@@ -1,8 +1,13 @@
-//! What stands still: walls, graph, goal; and the ant's shape.
+//! What stands still: walls, graph, goal; and the ant's shape. Walls and ant twice: as a scene, and
+//! as points for viewers that draw no scene (Rerun).
 
+use std::collections::BTreeSet;
+
+use foxglove::bytes::Bytes;
+use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{
-    Color, CubePrimitive, CylinderPrimitive, LinePrimitive, Point3, Pose, Quaternion, SceneEntity,
-    SceneUpdate, SpherePrimitive, Vector3, line_primitive,
+    Color, CubePrimitive, CylinderPrimitive, LinePrimitive, PackedElementField, Point3, PointCloud,
+    Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive, Vector3, line_primitive,
 };
 
 /// The world around an episode.
@@ -54,6 +59,12 @@ const GREEN: Color = Color {
     b: 0.3,
     a: 0.6,
 };
+const ORANGE: Color = Color {
+    r: 0.95,
+    g: 0.55,
+    b: 0.1,
+    a: 0.95,
+};
 const BRASS: Color = Color {
     r: 0.8,
     g: 0.6,
@@ -74,6 +85,32 @@ pub(crate) fn pose(x: f32, y: f32, z: f32) -> Pose {
             z: 0.0,
             w: 1.0,
         }),
+    }
+}
+
+fn point(x: f32, y: f32, z: f32) -> Point3 {
+    Point3 {
+        x: x.into(),
+        y: y.into(),
+        z: z.into(),
+    }
+}
+
+/// A cloud of points in a frame.
+fn cloud(frame: &str, points: impl Iterator<Item = [f32; 3]>) -> PointCloud {
+    let field = |(i, name): (u32, &str)| PackedElementField {
+        name: name.to_owned(),
+        offset: 4 * i,
+        r#type: NumericType::Float32 as i32,
+    };
+    let data: Vec<u8> = points.flatten().flat_map(f32::to_le_bytes).collect();
+    PointCloud {
+        frame_id: frame.to_owned(),
+        pose: Some(pose(0.0, 0.0, 0.0)),
+        point_stride: 12,
+        fields: (0..).zip(["x", "y", "z"]).map(field).collect(),
+        data: Bytes::from(data),
+        ..PointCloud::default()
     }
 }
 
@@ -128,7 +165,8 @@ impl Scene {
         }
     }
 
-    /// Nodes as spheres, edges as lines; an edge of a node that does not exist is left out.
+    /// Nodes as spheres, edges as lines, one for both directions; an edge of a node that does not
+    /// exist is left out.
     pub(crate) fn graph(&self) -> SceneUpdate {
         let nodes = self.nodes.iter().map(|[x, y]| SpherePrimitive {
             pose: Some(pose(*x, *y, 0.05)),
@@ -136,15 +174,14 @@ impl Scene {
             color: Some(BLUE),
         });
         let place = |node: u32| self.nodes.get(node as usize);
+        let mut drawn = BTreeSet::new();
+        let new = |&&(from, to): &&(u32, u32)| drawn.insert((from.min(to), from.max(to)));
         let ends = self
             .edges
             .iter()
+            .filter(new)
             .filter_map(|(from, to)| Some([place(*from)?, place(*to)?]));
-        let points = ends.flatten().map(|[x, y]| Point3 {
-            x: (*x).into(),
-            y: (*y).into(),
-            z: 0.03,
-        });
+        let points = ends.flatten().map(|[x, y]| point(*x, *y, 0.03));
         let lines = LinePrimitive {
             r#type: line_primitive::Type::LineList as i32,
             pose: Some(pose(0.0, 0.0, 0.0)),
@@ -164,30 +201,83 @@ impl Scene {
         }
     }
 
+    /// The choice under way: from where to where.
+    pub(crate) fn choice(&self, node: i32, subgoal: i32) -> SceneUpdate {
+        let place = |node: i32| self.nodes.get(usize::try_from(node).ok()?).copied();
+        let mut choice = entity("choice");
+        if let (Some([x, y]), Some([to_x, to_y])) = (place(node), place(subgoal)) {
+            choice.spheres.push(SpherePrimitive {
+                pose: Some(pose(to_x, to_y, 0.1)),
+                size: size(0.6, 0.6, 0.2),
+                color: Some(ORANGE),
+            });
+            choice.lines.push(LinePrimitive {
+                r#type: line_primitive::Type::LineStrip as i32,
+                pose: Some(pose(0.0, 0.0, 0.0)),
+                thickness: 0.12,
+                points: vec![point(x, y, 0.05), point(to_x, to_y, 0.05)],
+                color: Some(ORANGE),
+                ..LinePrimitive::default()
+            });
+        }
+        SceneUpdate {
+            entities: vec![choice],
+            ..SceneUpdate::default()
+        }
+    }
+
+    /// The walls' outlines at floor and top, a point every half metre or nearer.
+    pub(crate) fn wall_points(&self) -> PointCloud {
+        let outline = |[x, y, half_x, half_y]: [f32; 4]| {
+            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+            (0..4).flat_map(move |side| {
+                let [a, b] = [corners[side], corners[(side + 1) % 4]];
+                let length = 2.0 * if side % 2 == 0 { half_x } else { half_y };
+                // No more than a wall of a kilometre has.
+                let parts = (length * 2.0).ceil().clamp(1.0, 2000.0) as u16;
+                (0..parts).map(move |i| {
+                    let share = f32::from(i) / f32::from(parts);
+                    let along = |axis: usize| a[axis] + share * (b[axis] - a[axis]);
+                    [x + half_x * along(0), y + half_y * along(1)]
+                })
+            })
+        };
+        let height = self.wall_height;
+        let flat = self.walls.iter().flat_map(|wall| outline(*wall));
+        cloud(WORLD, flat.flat_map(|[x, y]| [[x, y, 0.0], [x, y, height]]))
+    }
+
     /// The nodes once more as poses, for viewers that do not draw a scene (Rerun).
     pub(crate) fn node_poses(&self) -> Vec<Pose> {
         self.nodes.iter().map(|[x, y]| pose(*x, *y, 0.05)).collect()
     }
 }
 
+/// The standing ant as points about its torso.
+pub(crate) fn ant_points() -> PointCloud {
+    let legs = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
+    let leg = |[x, y]: [f32; 2]| {
+        let reach = |i: u8| 0.1 * f32::from(i);
+        // Out from the torso, then down to the floor.
+        (1..9).map(move |i| [x * reach(i), y * reach(i), -0.12 * f32::from(i.max(4) - 4)])
+    };
+    let torso = (0_u8..12).flat_map(|i| {
+        let (sin, cos) = (f32::from(i) * std::f32::consts::FRAC_PI_6).sin_cos();
+        [[0.25 * cos, 0.25 * sin, 0.0], [0.25 * cos, 0.0, 0.25 * sin]]
+    });
+    cloud(BODIES[0], torso.chain(legs.into_iter().flat_map(leg)))
+}
+
 /// The ant's bodies, each locked to its frame: only /tf moves.
 pub(crate) fn ant() -> SceneUpdate {
     let legs = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
-    let bone = |direction: [f64; 2], length: f64| LinePrimitive {
+    let bone = |direction: [f32; 2], length: f32| LinePrimitive {
         r#type: line_primitive::Type::LineStrip as i32,
         pose: Some(pose(0.0, 0.0, 0.0)),
         thickness: 0.16,
         points: vec![
-            Point3 {
-                x: 0.0,
-                y: 0.0,
-                z: 0.0,
-            },
-            Point3 {
-                x: length * direction[0],
-                y: length * direction[1],
-                z: 0.0,
-            },
+            point(0.0, 0.0, 0.0),
+            point(length * direction[0], length * direction[1], 0.0),
         ],
         color: Some(BRASS),
         ..LinePrimitive::default()

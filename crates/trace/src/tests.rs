@@ -1,7 +1,11 @@
 use std::fs;
+use std::path::PathBuf;
 
 use super::*;
-use crate::{EpisodeWriter, Scene, StepMessage, StepRecord};
+use crate::{
+    ChoiceRecord, EndRecord, Episode, EpisodeWriter, OutcomeRecord, Recorder, Scene, StartRecord,
+    StepRecord, recover,
+};
 
 fn scene() -> Scene {
     Scene {
@@ -15,9 +19,11 @@ fn scene() -> Scene {
 
 fn meta() -> EpisodeMeta {
     EpisodeMeta {
+        version: "0.1.0".to_owned(),
         run: "test".to_owned(),
         config_hash: "c0ffee".to_owned(),
         config_toml: "[run]\n".to_owned(),
+        purpose: "evaluation".to_owned(),
         actor: 1,
         episode_index: 7,
         seed: 3,
@@ -31,45 +37,92 @@ fn meta() -> EpisodeMeta {
     }
 }
 
+/// A generator's digits: an episode does not compress like a constant.
+fn noise(step: u32, i: u32) -> f32 {
+    ((step * 131 + i).wrapping_mul(2_654_435_761) >> 8) as f32 * 1e-7
+}
+
+fn numbers<const N: usize>(step: u32, from: u32) -> [f32; N] {
+    std::array::from_fn(|i| noise(step, from + i as u32))
+}
+
+fn start() -> StartRecord {
+    StartRecord {
+        state: numbers(99, 0),
+        exits: u64::MAX,
+    }
+}
+
 fn record(step: u32) -> StepRecord {
-    // A generator's digits: an episode does not compress like a constant.
-    let noise = |i: u32| ((step * 131 + i).wrapping_mul(2_654_435_761) >> 8) as f32 * 1e-7;
-    let message = StepMessage {
+    StepRecord {
         step,
         reward: f32::from(u8::from(step % 10 == 9)),
         node: 0,
         subgoal_node: (step / 20) as i32 - 1,
-        graph_version: 6,
-        observation: (0..29).map(noise).collect(),
-        action: (29..37).map(noise).collect(),
-        neighbours: vec![0, 1],
-        probabilities: vec![0.25, 0.75],
-        ..StepMessage::default()
-    };
-    let bodies = std::array::from_fn(|b| std::array::from_fn(|i| noise(40 + (7 * b + i) as u32)));
-    StepRecord {
-        message,
-        bodies,
-        goal: [20.5, 0.1],
+        observation: numbers(step, 0),
+        action: numbers(step, 29),
+        bodies: std::array::from_fn(|b| numbers(step, 40 + 7 * b as u32)),
         subgoal: [2.0, 2.0],
     }
 }
 
+/// A choice at each tenth step, which ends at the next one.
+fn choice(step: u32) -> ChoiceRecord {
+    ChoiceRecord {
+        step,
+        node: 0,
+        goal_node: 1,
+        subgoal_node: 1,
+        value: step as f32 / 2.0,
+        neighbours: vec![1],
+        probabilities: vec![0.75],
+    }
+}
+
+fn outcome(step: u32) -> OutcomeRecord {
+    OutcomeRecord {
+        step,
+        node: 0,
+        subgoal_node: 1,
+        reached: step % 20 == 10,
+    }
+}
+
+fn end(steps: u32) -> EndRecord {
+    EndRecord {
+        success: true,
+        fell: false,
+        observation: numbers(steps, 0),
+        bodies: record(steps).bodies,
+    }
+}
+
+fn part_of(path: &Path) -> PathBuf {
+    path.with_extension("mcap.part")
+}
+
 fn write(path: &Path, steps: u32) -> EpisodeWriter {
-    let mut writer = EpisodeWriter::begin(path, &meta(), &scene()).unwrap();
+    let mut writer = EpisodeWriter::begin(path, part_of(path), &meta(), scene(), &start()).unwrap();
     for step in 0..steps {
-        writer.set_value(step as f32 / 2.0);
+        if step % 10 == 0 {
+            if step > 0 {
+                writer.outcome(&outcome(step)).unwrap();
+            }
+            writer.choice(choice(step)).unwrap();
+        }
         writer.step(&record(step)).unwrap();
     }
     writer
 }
 
-const OUTCOME: Outcome = Outcome {
-    success: true,
-    fell: false,
-    steps: 50,
-    episode_return: 5.0,
-};
+fn outcome_of(steps: u32) -> Outcome {
+    Outcome {
+        success: true,
+        fell: false,
+        steps,
+        episode_return: (steps / 10) as f32,
+    }
+}
 
 #[test]
 fn a_whole_trace_reads_back_as_written() {
@@ -77,106 +130,138 @@ fn a_whole_trace_reads_back_as_written() {
     let path = folder.path().join("episode.mcap");
     let writer = write(&path, 50);
     assert!(!path.exists(), "not before it is whole");
-    writer.end(OUTCOME).unwrap();
-    assert!(!folder.path().join("episode.mcap.part").exists());
-    let summary = summary(&path).unwrap();
-    assert_eq!((&summary.meta, summary.outcome), (&meta(), Some(OUTCOME)));
+    writer.end(&end(50)).unwrap();
+    assert!(!part_of(&path).exists());
+    let trace = summary(&path).unwrap();
     assert_eq!(
-        (summary.steps, summary.times[1] - summary.times[0]),
-        (50, 4_900_000_000)
+        (&trace.meta, trace.outcome),
+        (&meta(), Some(outcome_of(50)))
     );
+    assert_eq!(trace.times[1] - trace.times[0], 5_000_000_000);
     let counts = [
         ("/scene/maze", 1),
         ("/scene/ant", 1),
+        ("/scene/choice", 5),
         ("/graph", 1),
         ("/graph/nodes", 1),
-        ("/tf", 50),
-        ("/goal", 50),
-        ("/subgoal", 50),
-        ("/step", 50),
+        ("/graph/structure", 1),
+        ("/points/walls", 1),
+        ("/points/ant", 1),
+        ("/tf", 51),
+        ("/goal", 1),
+        ("/subgoal", 1),
         ("/path", 6),
-        ("/log", 5),
+        ("/start", 1),
+        ("/step", 50),
+        ("/choice", 5),
+        ("/outcome", 4),
+        ("/end", 1),
+        ("/log", 11),
     ];
     assert_eq!(
-        summary.messages,
+        trace.messages,
         counts.map(|(topic, n)| (topic.to_owned(), n)).into()
     );
-    let steps = steps(&path).unwrap();
-    assert_eq!(steps.len(), 50);
-    for (i, step) in (0..).zip(&steps) {
-        let written = record(i).message;
-        assert_eq!((step.step, step.value), (i, i as f32 / 2.0));
+    assert_eq!(
+        (trace.graph.x, trace.graph.to),
+        (vec![1.0, 2.0], vec![1, 9])
+    );
+    let from = trace.start.unwrap();
+    assert_eq!(
+        (&from.state[..], from.exits),
+        (&start().state[..], u64::MAX)
+    );
+    assert_eq!(trace.end.unwrap().observation, end(50).observation);
+    assert_eq!(trace.steps.len(), 50);
+    for (i, step) in (0..).zip(&trace.steps) {
+        let written = record(i);
+        assert_eq!((step.step, step.value), (i, (i / 10 * 10) as f32 / 2.0));
         assert_eq!(step.return_so_far, ((i + 1) / 10) as f32);
         assert_eq!(
-            (&step.observation, &step.action),
-            (&written.observation, &written.action)
+            (&step.observation[..], &step.action[..]),
+            (&written.observation[..], &written.action[..])
         );
-        assert_eq!(step.probabilities, written.probabilities);
         assert_eq!(
-            (&step.goal[..], step.subgoal_node),
-            (&[20.5, 0.1][..], written.subgoal_node)
+            (step.subgoal_node, step.graph_version),
+            (written.subgoal_node, 6)
         );
     }
+    assert_eq!(trace.choices[3].probabilities, [0.75]);
+    let reached: Vec<_> = trace
+        .outcomes
+        .iter()
+        .map(|o| (o.reached, o.steps))
+        .collect();
+    assert_eq!(reached, [(true, 10), (false, 10), (true, 10), (false, 10)]);
 }
 
 #[test]
-fn metadata_may_come_at_the_end() {
+fn of_an_episode_that_was_cut_off_the_whole_chunks_are_recovered() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
-    let mut writer = EpisodeWriter::create(&path, &scene(), "").unwrap();
-    writer.step(&record(0)).unwrap();
-    writer
-        .finish(BTreeMap::from([("seed".to_owned(), "9".to_owned())]))
-        .unwrap();
-    let summary = summary(&path).unwrap();
-    assert_eq!((summary.meta.seed, summary.outcome), (9, None));
+    let part = part_of(&path);
+    let mut writer = write(&path, 25);
+    writer.flush().unwrap();
+    for step in 25..30 {
+        writer.step(&record(step)).unwrap();
+    }
+    // As a killed process leaves it: the last chunk is not there, or half of it.
+    let bytes = fs::read(&part).unwrap();
+    std::mem::forget(writer);
+    assert!(!path.exists());
+    for extra in [&[][..], &[6, 200, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3]] {
+        fs::write(&part, [&bytes, extra].concat()).unwrap();
+        let trace = read(&part).unwrap();
+        assert!(trace.cut.is_some() && trace.outcome.is_none());
+        assert_eq!((trace.meta, trace.steps.len()), (meta(), 25));
+        assert!(summary(&part).is_err(), "it is not whole");
+        let recovered = recover(&part, &path).unwrap();
+        assert_eq!((recovered.steps, recovered.cut.is_some()), (25, true));
+        let trace = summary(&path).unwrap();
+        assert_eq!(trace.steps[24].observation, record(24).observation);
+        assert_eq!(trace.metadata["outcome"], "cut off");
+        fs::remove_file(&path).unwrap();
+    }
+    // A whole one stays what it is.
+    write(&path, 15).end(&end(15)).unwrap();
+    let copy = folder.path().join("copy.mcap");
+    assert_eq!(recover(&path, &copy).unwrap().cut, None);
+    assert_eq!(summary(&path).unwrap(), summary(&copy).unwrap());
 }
 
 #[test]
-fn an_episode_cut_off_leaves_only_a_part() {
+fn what_was_given_up_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
-    let part = folder.path().join("episode.mcap.part");
-    let writer = write(&path, 25);
-    let before = fs::metadata(&part).unwrap().len();
-    assert!(
-        before > 10_000,
-        "whole seconds are in the file before the end: {before}"
-    );
-    drop(writer);
-    assert!(!path.exists() && part.exists());
-    assert!(
-        summary(&part)
-            .unwrap_err()
-            .to_string()
-            .contains("unfinished")
-    );
     write(&path, 5).discard();
-    assert!(!path.exists() && !part.exists());
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
 #[test]
 fn a_long_episode_stays_small() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
-    write(&path, 1000).end(OUTCOME).unwrap();
+    write(&path, 1000).end(&end(1000)).unwrap();
     let bytes = fs::metadata(&path).unwrap().len();
-    assert!(bytes < 3_000_000, "{bytes}");
+    assert!(bytes < 1_000_000, "{bytes}");
 }
 
 #[test]
 fn damage_is_an_error_never_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
-    write(&path, 30).end(OUTCOME).unwrap();
+    write(&path, 30).end(&end(30)).unwrap();
     let whole = fs::read(&path).unwrap();
     let damaged = folder.path().join("damaged.mcap");
+    let again = folder.path().join("again.mcap");
     for i in 0..64 {
         fs::write(&damaged, &whole[..whole.len() * i / 64]).unwrap();
         assert!(
             summary(&damaged).is_err() && steps(&damaged).is_err(),
             "cut at {i}/64"
         );
+        // Whatever is readable can be recovered.
+        assert_eq!(read(&damaged).is_ok(), recover(&damaged, &again).is_ok());
     }
     // A flipped bit outside of what checksums cover may pass, but never kill.
     let mut caught = 0;
@@ -184,12 +269,77 @@ fn damage_is_an_error_never_a_panic() {
         let mut bytes = whole.clone();
         bytes[whole.len() * i / 400] ^= 1 << (i % 8);
         fs::write(&damaged, &bytes).unwrap();
-        let _ = steps(&damaged);
         caught += u32::from(summary(&damaged).is_err());
+        let _ = recover(&damaged, &again);
     }
     assert!(caught > 390, "{caught} of 400");
     fs::write(&damaged, vec![0xff; 4096]).unwrap();
-    assert!(summary(&damaged).is_err());
+    assert!(read(&damaged).is_err());
+}
+
+fn episode(path: PathBuf) -> Episode {
+    Episode {
+        part: part_of(&path),
+        path,
+        meta: meta(),
+        scene: scene(),
+        start: start(),
+    }
+}
+
+#[test]
+fn a_recorder_writes_what_a_writer_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut recorder = Recorder::new(|told| panic!("{told}")).unwrap();
+    for name in ["a.mcap", "given-up.mcap", "b.mcap", "broken.mcap"] {
+        recorder.begin(episode(path(name)));
+        assert!(recorder.is_open());
+        for step in 0..20 {
+            if step == 0 {
+                recorder.choice(choice(step));
+            }
+            recorder.step(record(step));
+        }
+        match name {
+            "given-up.mcap" => recorder.discard(),
+            "broken.mcap" => {}
+            _ => recorder.end(end(20)),
+        }
+    }
+    drop(recorder);
+    let names = fs::read_dir(folder.path()).unwrap();
+    let mut names: Vec<_> = names.map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["a.mcap", "b.mcap"]);
+    for name in ["a.mcap", "b.mcap"] {
+        let trace = summary(&path(name)).unwrap();
+        assert_eq!((trace.steps.len(), trace.choices.len()), (20, 1));
+    }
+}
+
+/// A disk that takes nothing for as long as it is looked at.
+#[test]
+fn a_recorder_never_waits_for_a_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("slow.mcap.part");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    let mut recorder = Recorder::new(|_| {}).unwrap();
+    // Nobody reads: to open it blocks the thread.
+    recorder.begin(episode(folder.path().join("slow.mcap")));
+    let mut told = 0;
+    while recorder.is_open() {
+        recorder.step(record(told % 1000));
+        told += 1;
+        assert!(told < 10_000, "the queue has no end");
+    }
+    // The other end opens and closes; the thread goes on, and the trace is given up.
+    let reader = std::thread::spawn(move || fs::read(&pipe));
+    recorder.begin(episode(folder.path().join("next.mcap")));
+    drop(recorder);
+    let _ = reader.join().unwrap();
+    assert!(!folder.path().join("slow.mcap").exists());
 }
 
 #[cfg(target_os = "linux")]
@@ -197,7 +347,8 @@ fn damage_is_an_error_never_a_panic() {
 fn a_full_disk_ends_the_trace_without_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
-    std::os::unix::fs::symlink("/dev/full", folder.path().join("episode.mcap.part")).unwrap();
-    assert!(EpisodeWriter::begin(&path, &meta(), &scene()).is_err());
+    std::os::unix::fs::symlink("/dev/full", part_of(&path)).unwrap();
+    let begun = EpisodeWriter::begin(&path, part_of(&path), &meta(), scene(), &start());
+    assert!(begun.is_err());
     assert!(!path.exists());
 }

@@ -5,100 +5,137 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use foxglove::Encode;
 use foxglove::messages::{
-    FrameTransform, FrameTransforms, Log, Pose, PoseInFrame, PosesInFrame, Quaternion, SceneUpdate,
-    Timestamp, Vector3, log,
+    FrameTransform, FrameTransforms, Log, Pose, PoseInFrame, PosesInFrame, Quaternion, Timestamp,
+    Vector3, log,
 };
-use foxglove::{Encode, Schema};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, WriteOptions, Writer};
 use prost::Message;
 
+use crate::message::{self, Choice, EdgeOutcome, End, Start, Step};
+use crate::record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
 use crate::scene::{self, BODIES, Scene, WORLD};
-use crate::step::{Step, StepRecord};
-use crate::{EpisodeMeta, METADATA, Outcome, TraceError};
+use crate::topic::Topic;
+use crate::{EpisodeMeta, METADATA, OUTCOME, Outcome, TraceError};
 
-/// No chunk grows beyond this; one is closed each simulated second in any case.
-const CHUNK_BYTES: u64 = 64 * 1024;
+/// No chunk grows beyond this; one is closed each second in any case.
+const CHUNK_BYTES: u64 = 256 * 1024;
+/// Time between two flushes of what is written.
+pub(crate) const FLUSH: Duration = Duration::from_secs(1);
 const STEP_NANOSECONDS: u64 = 100_000_000;
-const STEPS_PER_SECOND: u32 = 10;
-/// Length of the trail that /path shows while the episode goes on: a bound on the file's size.
-const TRAIL_STEPS: usize = 100;
+/// Steps between two poses of /path, between two messages of it, and of the trail that each shows:
+/// a bound on the file's size.
+const TRAIL: [u32; 3] = [5, 10, 100];
 const LAYOUT: &str = include_str!("layout.json");
 
-#[derive(Clone, Copy)]
-enum Topic {
-    Maze,
-    Ant,
-    Graph,
-    Nodes,
-    Transforms,
-    Goal,
-    Subgoal,
-    Step,
-    Path,
-    Log,
-}
-
-impl Topic {
-    const ALL: [Self; 10] = [
-        Self::Maze,
-        Self::Ant,
-        Self::Graph,
-        Self::Nodes,
-        Self::Transforms,
-        Self::Goal,
-        Self::Subgoal,
-        Self::Step,
-        Self::Path,
-        Self::Log,
-    ];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Maze => "/scene/maze",
-            Self::Ant => "/scene/ant",
-            Self::Graph => "/graph",
-            Self::Nodes => "/graph/nodes",
-            Self::Transforms => "/tf",
-            Self::Goal => "/goal",
-            Self::Subgoal => "/subgoal",
-            Self::Step => "/step",
-            Self::Path => "/path",
-            Self::Log => "/log",
-        }
-    }
-
-    fn schema(self) -> Option<Schema> {
-        match self {
-            Self::Maze | Self::Ant | Self::Graph => SceneUpdate::get_schema(),
-            Self::Nodes | Self::Path => PosesInFrame::get_schema(),
-            Self::Transforms => FrameTransforms::get_schema(),
-            Self::Goal | Self::Subgoal => PoseInFrame::get_schema(),
-            Self::Step => Some(Step::schema()),
-            Self::Log => Log::get_schema(),
-        }
-    }
-}
-
-/// Writes `PATH.part` and renames it when the episode is whole.
-pub struct EpisodeWriter {
+/// A file of mcap that is being written, renamed once it is whole.
+pub(crate) struct Output {
+    /// Where it goes, and what it is called until then.
     path: PathBuf,
     part: PathBuf,
-    /// None once the trace is finished or given up.
+    /// None once it is finished or given up.
     writer: Option<Writer<BufWriter<File>>>,
-    metadata: BTreeMap<String, String>,
+}
+
+impl Output {
+    pub(crate) fn create(path: &Path, part: PathBuf) -> Result<Self, TraceError> {
+        let io = |source| TraceError::Io {
+            path: path.display().to_string(),
+            source,
+        };
+        let file = BufWriter::new(File::create(&part).map_err(io)?);
+        // Threads for so little data would only take the simulator's cores.
+        let writer = WriteOptions::new()
+            .library(concat!("formica/", env!("CARGO_PKG_VERSION")))
+            .chunk_size(Some(CHUNK_BYTES))
+            .compression_level(1)
+            .compression_threads(0)
+            .create(file);
+        let writer = writer.map_err(|error| refused(path, &error))?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            part,
+            writer: Some(writer),
+        })
+    }
+
+    /// One failure is the last: what follows would be a trace with a hole.
+    pub(crate) fn with<T>(
+        &mut self,
+        work: impl FnOnce(&mut Writer<BufWriter<File>>) -> mcap::McapResult<T>,
+    ) -> Result<T, TraceError> {
+        let Some(writer) = &mut self.writer else {
+            return Err(self.given_up());
+        };
+        work(writer).map_err(|error| {
+            self.writer = None;
+            refused(&self.path, &error)
+        })
+    }
+
+    /// Puts the file in its place, whole.
+    pub(crate) fn finish(mut self) -> Result<PathBuf, TraceError> {
+        self.with(|writer| writer.finish().map(drop))?;
+        let Some(writer) = self.writer.take() else {
+            return Err(self.given_up());
+        };
+        let io = |source| TraceError::Io {
+            path: self.path.display().to_string(),
+            source,
+        };
+        let file = writer.into_inner().into_inner();
+        let file = file.map_err(|error| io(error.into_error()))?;
+        file.sync_all().map_err(io)?;
+        fs::rename(&self.part, &self.path).map_err(io)?;
+        // The new name lasts once the folder is on disk; some systems cannot do that.
+        let parent = self.path.parent();
+        let folder = parent.filter(|folder| !folder.as_os_str().is_empty());
+        let _ = File::open(folder.unwrap_or(Path::new("."))).and_then(|folder| folder.sync_all());
+        Ok(self.path)
+    }
+
+    pub(crate) fn discard(mut self) {
+        self.writer = None;
+        let _ = fs::remove_file(&self.part);
+    }
+
+    fn given_up(&self) -> TraceError {
+        refused(
+            &self.path,
+            &"the trace was given up after an error; free some disk space",
+        )
+    }
+}
+
+fn refused(path: &Path, reason: &dyn ToString) -> TraceError {
+    TraceError::Mcap {
+        path: path.display().to_string(),
+        reason: reason.to_string(),
+    }
+}
+
+/// Writes a `.part` and renames it when the episode is whole.
+pub struct EpisodeWriter {
+    output: Output,
     channels: [u16; Topic::ALL.len()],
+    scene: Scene,
+    goal: [f32; 2],
     start: u64,
     now: u64,
     steps: u32,
-    episode_return: f32,
-    value: f32,
-    subgoal_node: Option<i32>,
+    subgoal: Option<[f32; 2]>,
+    /// Step of the last choice.
+    chosen: u32,
     trail: Vec<Pose>,
+    flushed: Instant,
     buffer: Vec<u8>,
+    /// Filled anew for each step.
+    step: Step,
+    transforms: FrameTransforms,
 }
 
 fn stamp(time: u64) -> Option<Timestamp> {
@@ -107,11 +144,10 @@ fn stamp(time: u64) -> Option<Timestamp> {
 }
 
 fn pose_in_world(time: u64, [x, y]: [f32; 2]) -> PoseInFrame {
-    let pose = Some(scene::pose(x, y, 0.0));
     PoseInFrame {
         timestamp: stamp(time),
         frame_id: WORLD.to_owned(),
-        pose,
+        pose: Some(scene::pose(x, y, 0.0)),
     }
 }
 
@@ -123,21 +159,11 @@ fn poses_in_world(time: u64, poses: Vec<Pose>) -> PosesInFrame {
     }
 }
 
-fn transforms(record: &StepRecord, time: u64) -> FrameTransforms {
-    let transforms = record.bodies.iter().zip(BODIES).map(|(pose, frame)| {
-        let [x, y, z, qw, qx, qy, qz] = pose.map(f64::from);
-        FrameTransform {
-            timestamp: stamp(time),
-            parent_frame_id: WORLD.to_owned(),
-            child_frame_id: frame.to_owned(),
-            translation: Some(Vector3 { x, y, z }),
-            rotation: Some(Quaternion {
-                x: qx,
-                y: qy,
-                z: qz,
-                w: qw,
-            }),
-        }
+fn frames() -> FrameTransforms {
+    let transforms = BODIES.iter().map(|frame| FrameTransform {
+        parent_frame_id: WORLD.to_owned(),
+        child_frame_id: (*frame).to_owned(),
+        ..FrameTransform::default()
     });
     FrameTransforms {
         transforms: transforms.collect(),
@@ -145,130 +171,123 @@ fn transforms(record: &StepRecord, time: u64) -> FrameTransforms {
 }
 
 impl EpisodeWriter {
-    /// Begins the trace of a described episode; [`end`](Self::end) completes it.
+    /// Begins the trace of an episode: `part` is written, and put in its place at
+    /// [`end`](Self::end).
     ///
     /// # Errors
     /// What the system or mcap refuses.
-    pub fn begin(path: &Path, meta: &EpisodeMeta, scene: &Scene) -> Result<Self, TraceError> {
-        let mut writer = Self::create(path, scene, &meta.config_toml)?;
-        writer.metadata = meta.record();
-        Ok(writer)
-    }
-
-    /// Begins a trace whose metadata come with [`finish`](Self::finish); `config` goes along as
-    /// an attachment.
-    ///
-    /// # Errors
-    /// What the system or mcap refuses.
-    pub fn create(path: &Path, scene: &Scene, config: &str) -> Result<Self, TraceError> {
-        let name = path.display().to_string();
-        let io = |source| TraceError::Io {
-            path: name.clone(),
-            source,
+    pub fn begin(
+        path: &Path,
+        part: PathBuf,
+        meta: &EpisodeMeta,
+        scene: Scene,
+        from: &StartRecord,
+    ) -> Result<Self, TraceError> {
+        let mut output = Output::create(path, part)?;
+        let clock = SystemTime::now().duration_since(UNIX_EPOCH);
+        let start = u64::try_from(clock.unwrap_or_default().as_nanos()).unwrap_or(0);
+        let channels = output.with(|writer| {
+            for (name, media_type, text) in [
+                ("config.toml", "application/toml", &*meta.config_toml),
+                ("layout.json", "application/json", LAYOUT),
+            ] {
+                writer.attach(&Attachment {
+                    log_time: start,
+                    create_time: start,
+                    name: name.to_owned(),
+                    media_type: media_type.to_owned(),
+                    data: Cow::Borrowed(text.as_bytes()),
+                })?;
+            }
+            writer.write_metadata(&Metadata {
+                name: METADATA.to_owned(),
+                metadata: meta.record(),
+            })?;
+            let mut channels = [0; Topic::ALL.len()];
+            for topic in Topic::ALL {
+                let schema = topic.schema().map_or(Ok(0), |schema| {
+                    writer.add_schema(&schema.name, &schema.encoding, &schema.data)
+                })?;
+                let none = BTreeMap::new();
+                channels[topic as usize] =
+                    writer.add_channel(schema, topic.name(), "protobuf", &none)?;
+            }
+            Ok(channels)
+        })?;
+        let step = Step {
+            value: f32::NAN,
+            low_version: meta.low_version,
+            high_version: meta.high_version,
+            graph_version: meta.graph_version,
+            ..Step::default()
         };
-        let refused = |error: mcap::McapError| TraceError::Mcap {
-            path: name.clone(),
-            reason: error.to_string(),
-        };
-        let mut part = path.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
-        let file = BufWriter::new(File::create(&part).map_err(io)?);
-        let clock = SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .unwrap_or_default();
-        let start = u64::try_from(clock.as_nanos()).unwrap_or(0);
-        // Threads for so little data would only take the simulator's cores.
-        let mut writer = WriteOptions::new()
-            .library(concat!("formica/", env!("CARGO_PKG_VERSION")))
-            .chunk_size(Some(CHUNK_BYTES))
-            .compression_threads(0)
-            .create(file)
-            .map_err(refused)?;
-        for (name, media_type, text) in [
-            ("config.toml", "application/toml", config),
-            ("layout.json", "application/json", LAYOUT),
-        ] {
-            let attachment = Attachment {
-                log_time: start,
-                create_time: start,
-                name: name.to_owned(),
-                media_type: media_type.to_owned(),
-                data: Cow::Borrowed(text.as_bytes()),
-            };
-            writer.attach(&attachment).map_err(refused)?;
-        }
-        let mut channels = [0; Topic::ALL.len()];
-        for topic in Topic::ALL {
-            let schema = topic.schema().map_or(Ok(0), |schema| {
-                writer.add_schema(&schema.name, &schema.encoding, &schema.data)
-            });
-            let channel = schema.and_then(|schema| {
-                writer.add_channel(schema, topic.name(), "protobuf", &BTreeMap::new())
-            });
-            channels[topic as usize] = channel.map_err(refused)?;
-        }
         let mut trace = Self {
-            path: path.to_path_buf(),
-            part,
-            writer: Some(writer),
-            metadata: BTreeMap::new(),
+            output,
             channels,
+            goal: meta.goal,
             start,
             now: start,
             steps: 0,
-            episode_return: 0.0,
-            value: f32::NAN,
-            subgoal_node: None,
+            subgoal: None,
+            chosen: 0,
             trail: Vec::new(),
+            flushed: Instant::now(),
             buffer: Vec::with_capacity(4096),
+            step,
+            transforms: frames(),
+            scene,
         };
-        trace.put(Topic::Maze, &scene.maze())?;
-        trace.put(Topic::Ant, &scene::ant())?;
-        trace.put(Topic::Graph, &scene.graph())?;
-        trace.put(Topic::Nodes, &poses_in_world(start, scene.node_poses()))?;
-        trace.log("the episode begins")?;
-        trace.flush()?;
+        trace.still(from)?;
         Ok(trace)
     }
 
-    fn refused(&self, reason: &dyn ToString) -> TraceError {
-        TraceError::Mcap {
-            path: self.path.display().to_string(),
-            reason: reason.to_string(),
-        }
-    }
-
-    fn io(&self, source: std::io::Error) -> TraceError {
-        TraceError::Io {
-            path: self.path.display().to_string(),
-            source,
-        }
-    }
-
-    fn given_up(&self) -> TraceError {
-        self.refused(&"the trace was given up after an error; free some disk space")
-    }
-
-    /// One failure is the last: what follows would be a trace with a hole.
-    fn with_writer<T>(
-        &mut self,
-        work: impl FnOnce(&mut Writer<BufWriter<File>>, &[u8]) -> mcap::McapResult<T>,
-    ) -> Result<T, TraceError> {
-        let Some(writer) = &mut self.writer else {
-            return Err(self.given_up());
+    /// What stands still, and the start.
+    fn still(&mut self, from: &StartRecord) -> Result<(), TraceError> {
+        let start = self.start;
+        self.put(Topic::Maze, &self.scene.maze())?;
+        self.put(Topic::Ant, &scene::ant())?;
+        self.put(Topic::Graph, &self.scene.graph())?;
+        self.put(
+            Topic::Nodes,
+            &poses_in_world(start, self.scene.node_poses()),
+        )?;
+        let structure = message::Graph {
+            timestamp: Some(message::timestamp(start)),
+            x: self.scene.nodes.iter().map(|[x, _]| *x).collect(),
+            y: self.scene.nodes.iter().map(|[_, y]| *y).collect(),
+            from: self.scene.edges.iter().map(|(from, _)| *from).collect(),
+            to: self.scene.edges.iter().map(|(_, to)| *to).collect(),
         };
-        work(writer, &self.buffer).map_err(|error| {
-            self.writer = None;
-            self.refused(&error)
-        })
+        self.put_own(Topic::Structure, &structure)?;
+        for (topic, mut points) in [
+            (Topic::WallPoints, self.scene.wall_points()),
+            (Topic::AntPoints, scene::ant_points()),
+        ] {
+            points.timestamp = stamp(start);
+            self.put(topic, &points)?;
+        }
+        self.put(Topic::Goal, &pose_in_world(start, self.goal))?;
+        let from = Start {
+            timestamp: Some(message::timestamp(start)),
+            state: from.state.to_vec(),
+            exits: from.exits,
+        };
+        self.put_own(Topic::Start, &from)?;
+        self.log(log::Level::Info, "the episode begins")?;
+        self.flush()
     }
 
     fn put<M: Encode>(&mut self, topic: Topic, message: &M) -> Result<(), TraceError> {
         self.buffer.clear();
-        message
-            .encode(&mut self.buffer)
-            .map_err(|error| self.refused(&error))?;
+        let encoded = message.encode(&mut self.buffer);
+        encoded.map_err(|error| refused(&self.output.path, &error))?;
+        self.put_buffer(topic)
+    }
+
+    fn put_own(&mut self, topic: Topic, message: &impl Message) -> Result<(), TraceError> {
+        self.buffer.clear();
+        let encoded = message.encode(&mut self.buffer);
+        encoded.map_err(|error| refused(&self.output.path, &error))?;
         self.put_buffer(topic)
     }
 
@@ -279,27 +298,29 @@ impl EpisodeWriter {
             log_time: self.now,
             publish_time: self.now,
         };
-        self.with_writer(|writer, data| writer.write_to_known_channel(&header, data))
+        let data = &self.buffer;
+        let written = |writer: &mut Writer<_>| writer.write_to_known_channel(&header, data);
+        self.output.with(written)
     }
 
-    fn flush(&mut self) -> Result<(), TraceError> {
-        self.with_writer(|writer, _| writer.flush())
-    }
-
-    /// Tells the value of the state, for the steps from here on: a hierarchy estimates it only
-    /// where it chooses.
-    pub fn set_value(&mut self, value: f32) {
-        self.value = value;
-    }
-
-    /// Writes a line of `/log` at the time of the last step.
+    /// Puts what was written where a killed process does not take it along.
     ///
     /// # Errors
     /// What the system or mcap refuses; the trace is then given up.
-    pub fn log(&mut self, message: &str) -> Result<(), TraceError> {
+    pub fn flush(&mut self) -> Result<(), TraceError> {
+        self.flushed = Instant::now();
+        self.output.with(Writer::flush)
+    }
+
+    /// When the next flush is due.
+    pub(crate) fn flush_due(&self) -> Instant {
+        self.flushed + FLUSH
+    }
+
+    fn log(&mut self, level: log::Level, message: &str) -> Result<(), TraceError> {
         let line = Log {
             timestamp: stamp(self.now),
-            level: log::Level::Info as i32,
+            level: level as i32,
             message: message.to_owned(),
             name: "actor".to_owned(),
             ..Log::default()
@@ -307,101 +328,176 @@ impl EpisodeWriter {
         self.put(Topic::Log, &line)
     }
 
+    /// Turns the clock to a step.
+    fn at(&mut self, step: u32) {
+        let passed = u64::from(step).saturating_mul(STEP_NANOSECONDS);
+        self.now = self.now.max(self.start.saturating_add(passed));
+    }
+
+    /// Writes what became of a choice.
+    ///
+    /// # Errors
+    /// What the system or mcap refuses; the trace is then given up.
+    pub fn outcome(&mut self, record: &OutcomeRecord) -> Result<(), TraceError> {
+        self.at(record.step);
+        let steps = record.step.saturating_sub(self.chosen);
+        let message = EdgeOutcome {
+            timestamp: Some(message::timestamp(self.now)),
+            step: record.step,
+            node: record.node,
+            subgoal_node: record.subgoal_node,
+            reached: record.reached,
+            steps,
+        };
+        self.put_own(Topic::Outcome, &message)?;
+        let to = record.subgoal_node;
+        match record.reached {
+            true => self.log(
+                log::Level::Info,
+                &format!("node {to} reached in {steps} steps"),
+            ),
+            false => self.log(
+                log::Level::Warning,
+                &format!("node {to} given up after {steps} steps"),
+            ),
+        }
+    }
+
+    /// Writes a choice of the high level.
+    ///
+    /// # Errors
+    /// What the system or mcap refuses; the trace is then given up.
+    pub fn choice(&mut self, record: ChoiceRecord) -> Result<(), TraceError> {
+        self.at(record.step);
+        self.chosen = record.step;
+        self.step.value = record.value;
+        let (node, subgoal) = (record.node, record.subgoal_node);
+        let message = Choice {
+            timestamp: Some(message::timestamp(self.now)),
+            step: record.step,
+            node,
+            goal_node: record.goal_node,
+            subgoal_node: subgoal,
+            value: record.value,
+            neighbours: record.neighbours,
+            probabilities: record.probabilities,
+        };
+        self.put_own(Topic::Choice, &message)?;
+        self.put(Topic::ChoiceScene, &self.scene.choice(node, subgoal))?;
+        self.log(
+            log::Level::Info,
+            &format!("at node {node}, on to node {subgoal}"),
+        )
+    }
+
+    fn put_transforms(&mut self, bodies: &[[f32; 7]; 9]) -> Result<(), TraceError> {
+        let timestamp = stamp(self.now);
+        for (transform, pose) in self.transforms.transforms.iter_mut().zip(bodies) {
+            let [x, y, z, qw, qx, qy, qz] = pose.map(f64::from);
+            transform.timestamp = timestamp;
+            transform.translation = Some(Vector3 { x, y, z });
+            transform.rotation = Some(Quaternion {
+                x: qx,
+                y: qy,
+                z: qz,
+                w: qw,
+            });
+        }
+        self.buffer.clear();
+        let encoded = Encode::encode(&self.transforms, &mut self.buffer);
+        encoded.map_err(|error| refused(&self.output.path, &error))?;
+        self.put_buffer(Topic::Transforms)
+    }
+
     /// Writes one step.
     ///
     /// # Errors
     /// What the system or mcap refuses; the trace is then given up.
     pub fn step(&mut self, record: &StepRecord) -> Result<(), TraceError> {
-        let step = &record.message;
-        let time = self
-            .start
-            .saturating_add(u64::from(step.step) * STEP_NANOSECONDS);
-        self.now = self.now.max(time);
-        self.episode_return += step.reward;
-        self.put(Topic::Transforms, &transforms(record, self.now))?;
-        self.put(Topic::Goal, &pose_in_world(self.now, record.goal))?;
-        self.put(Topic::Subgoal, &pose_in_world(self.now, record.subgoal))?;
-        self.buffer.clear();
-        Step::new(record, self.now, self.episode_return, self.value)
-            .encode(&mut self.buffer)
-            .map_err(|error| self.refused(&error))?;
-        self.put_buffer(Topic::Step)?;
-        if self.subgoal_node.replace(step.subgoal_node) != Some(step.subgoal_node) {
-            let to = match step.subgoal_node {
-                ..0 => "the goal".to_owned(),
-                node => format!("node {node}"),
-            };
-            self.log(&format!(
-                "step {}: at node {}, on to {to}",
-                step.step, step.node
-            ))?;
+        self.at(record.step);
+        self.put_transforms(&record.bodies)?;
+        if self.subgoal.replace(record.subgoal) != Some(record.subgoal) {
+            let subgoal = pose_in_world(self.now, record.subgoal);
+            self.put(Topic::Subgoal, &subgoal)?;
         }
-        let [x, y, z, ..] = record.bodies[0];
-        self.trail.push(scene::pose(x, y, z));
+        let [x, y, z, ..] = record.observation;
+        let distance = |[to_x, to_y]: [f32; 2]| (to_x - x).hypot(to_y - y);
+        let step = &mut self.step;
+        step.timestamp = Some(message::timestamp(self.now));
+        step.step = record.step;
+        step.reward = record.reward;
+        step.return_so_far += record.reward;
+        step.goal_distance = distance(self.goal);
+        step.subgoal_distance = distance(record.subgoal);
+        step.node = record.node;
+        step.subgoal_node = record.subgoal_node;
+        step.observation.clear();
+        step.observation.extend(record.observation);
+        step.action.clear();
+        step.action.extend(record.action);
+        self.buffer.clear();
+        let encoded = Message::encode(&self.step, &mut self.buffer);
+        encoded.map_err(|error| refused(&self.output.path, &error))?;
+        self.put_buffer(Topic::Step)?;
+        let [pose_every, path_every, length] = TRAIL;
+        if self.steps.is_multiple_of(pose_every) {
+            self.trail.push(scene::pose(x, y, z));
+        }
         self.steps += 1;
-        if self.steps.is_multiple_of(STEPS_PER_SECOND) {
-            let trail = &self.trail[self.trail.len().saturating_sub(TRAIL_STEPS)..];
-            let trail = trail.to_vec();
-            self.put(Topic::Path, &poses_in_world(self.now, trail))?;
+        if self.steps.is_multiple_of(path_every) {
+            let length = (length / pose_every) as usize;
+            let trail = &self.trail[self.trail.len().saturating_sub(length)..];
+            let trail = poses_in_world(self.now, trail.to_vec());
+            self.put(Topic::Path, &trail)?;
+        }
+        if Instant::now() >= self.flush_due() {
             self.flush()?;
         }
         Ok(())
     }
 
-    /// Ends a trace that was begun with its metadata.
+    /// Writes the state after the last step and puts the trace in its place, whole.
     ///
     /// # Errors
     /// What the system or mcap refuses; the file stays a `.part`.
-    pub fn end(self, outcome: Outcome) -> Result<PathBuf, TraceError> {
-        self.finish(outcome.record())
-    }
-
-    /// Ends the trace with metadata, the number of steps added, and puts it in its place, whole.
-    ///
-    /// # Errors
-    /// What the system or mcap refuses; the file stays a `.part`.
-    pub fn finish(mut self, metadata: BTreeMap<String, String>) -> Result<PathBuf, TraceError> {
-        let trail = std::mem::take(&mut self.trail);
-        self.put(Topic::Path, &poses_in_world(self.now, trail))?;
-        let outcome = metadata
-            .get("outcome")
-            .map_or("unknown outcome", String::as_str);
-        self.log(&format!(
-            "the episode ends: {outcome} after {} steps",
-            self.steps
-        ))?;
-        let mut all = std::mem::take(&mut self.metadata);
-        all.extend(metadata);
-        all.insert("steps".to_owned(), self.steps.to_string());
-        let record = Metadata {
-            name: METADATA.to_owned(),
-            metadata: all,
+    pub fn end(mut self, record: &EndRecord) -> Result<PathBuf, TraceError> {
+        self.at(self.steps);
+        self.put_transforms(&record.bodies)?;
+        let [x, y, z, ..] = record.observation;
+        let mut path = std::mem::take(&mut self.trail);
+        path.push(scene::pose(x, y, z));
+        self.put(Topic::Path, &poses_in_world(self.now, path))?;
+        let end = End {
+            timestamp: Some(message::timestamp(self.now)),
+            steps: self.steps,
+            success: record.success,
+            fell: record.fell,
+            observation: record.observation.to_vec(),
         };
-        self.with_writer(|writer, _| {
-            writer.write_metadata(&record)?;
-            writer.finish()
+        self.put_own(Topic::End, &end)?;
+        let outcome = Outcome {
+            success: record.success,
+            fell: record.fell,
+            steps: self.steps,
+            episode_return: self.step.return_so_far,
+        };
+        let (told, level) = match (record.success, record.fell) {
+            (true, _) => ("the goal is reached", log::Level::Info),
+            (false, true) => ("it ends on its back, without the goal", log::Level::Warning),
+            (false, false) => ("it ends without the goal", log::Level::Warning),
+        };
+        self.log(level, &format!("{told}, after {} steps", self.steps))?;
+        self.output.with(|writer| {
+            writer.write_metadata(&Metadata {
+                name: OUTCOME.to_owned(),
+                metadata: outcome.record(),
+            })
         })?;
-        let Some(writer) = self.writer.take() else {
-            return Err(self.given_up());
-        };
-        let file = writer
-            .into_inner()
-            .into_inner()
-            .map_err(|error| self.io(error.into_error()))?;
-        file.sync_all().map_err(|error| self.io(error))?;
-        fs::rename(&self.part, &self.path).map_err(|error| self.io(error))?;
-        // The new name lasts once the folder is on disk; some systems cannot do that.
-        let folder = self
-            .path
-            .parent()
-            .filter(|folder| !folder.as_os_str().is_empty());
-        let _ = File::open(folder.unwrap_or(Path::new("."))).and_then(|folder| folder.sync_all());
-        Ok(self.path.clone())
+        self.output.finish()
     }
 
     /// Gives the trace up and removes what was written of it.
-    pub fn discard(mut self) {
-        self.writer = None;
-        let _ = fs::remove_file(&self.part);
+    pub fn discard(self) {
+        self.output.discard();
     }
 }

@@ -1,0 +1,239 @@
+//! Which episodes leave a trace, and what is told of them.
+
+use std::fs::DirBuilder;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::{Path, PathBuf};
+
+use agents::navigator::{Decision, Navigator};
+use config::Config;
+use maze::{AntMaze, Layout, Observation, Start, Task, WALL_HEIGHT, upright};
+use trace::{
+    ChoiceRecord, EndRecord, Episode, EpisodeMeta, OutcomeRecord, Recorder, Scene, StartRecord,
+    StepRecord,
+};
+
+use crate::inbox::Versions;
+
+/// An episode by its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Numbered {
+    /// Of the evaluation.
+    Evaluation(u32),
+    /// Of a round.
+    Round(u32, u32),
+    /// Of this process.
+    Own(u64),
+}
+
+/// The traces of an actor.
+pub(crate) struct Traces<'a> {
+    config: &'a Config,
+    layout: &'a Layout,
+    folder: PathBuf,
+    actor: u32,
+    /// None where no episode leaves a trace.
+    recorder: Option<Recorder>,
+}
+
+impl<'a> Traces<'a> {
+    pub(crate) fn new(
+        config: &'a Config,
+        layout: &'a Layout,
+        folder: &Path,
+        actor: u32,
+    ) -> std::io::Result<Self> {
+        let settings = &config.traces;
+        let wanted = settings.evaluation || settings.training_every > 0;
+        let warn = |told: &str| eprintln!("actor: {told}");
+        let recorder = wanted.then(|| Recorder::new(warn)).transpose()?;
+        Ok(Self {
+            config,
+            layout,
+            folder: folder.join("traces"),
+            actor,
+            recorder,
+        })
+    }
+
+    fn is_wanted(&self, numbered: Numbered) -> bool {
+        let every = self.config.traces.training_every as u64;
+        let number = match numbered {
+            Numbered::Evaluation(_) => return self.config.traces.evaluation,
+            Numbered::Round(round, episode) => {
+                let before = u64::from(round.saturating_sub(1));
+                before * self.config.rollouts.episodes as u64 + u64::from(episode) + 1
+            }
+            Numbered::Own(episode) => episode,
+        };
+        every > 0 && number.is_multiple_of(every)
+    }
+
+    /// Where the trace goes, and what it is called until it is whole: two actors may play the same
+    /// episode at a time.
+    fn paths(&self, numbered: Numbered) -> [PathBuf; 2] {
+        let training = self.folder.join("training");
+        let (folder, name) = match numbered {
+            Numbered::Evaluation(episode) => (&self.folder, format!("episode-{episode:04}")),
+            Numbered::Round(round, episode) => {
+                (&training, format!("round-{round:03}-{episode:04}"))
+            }
+            Numbered::Own(episode) => {
+                let (actor, process) = (self.actor, wire::incarnation());
+                (
+                    &training,
+                    format!("actor-{actor}-{process:08x}-{episode:06}"),
+                )
+            }
+        };
+        let actor = self.actor;
+        [
+            folder.join(format!("{name}.mcap")),
+            folder.join(format!("{name}.actor-{actor}.mcap.part")),
+        ]
+    }
+
+    /// Begins the trace of an episode that is to leave one.
+    pub(crate) fn begin(
+        &mut self,
+        numbered: Numbered,
+        purpose: &str,
+        task: &Task,
+        start: &Start,
+        navigator: &Navigator,
+        [low_version, high_version, graph_version]: Versions,
+    ) {
+        if !self.is_wanted(numbered) {
+            return;
+        }
+        let [path, part] = self.paths(numbered);
+        if let Some(folder) = path.parent() {
+            // Where it fails, the recorder says why.
+            let _ = DirBuilder::new().recursive(true).mode(0o700).create(folder);
+        }
+        let config = self.config;
+        let meta = EpisodeMeta {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            run: config.run.name.clone(),
+            config_hash: config.hash(),
+            config_toml: config.resolved().to_owned(),
+            purpose: purpose.to_owned(),
+            actor: self.actor,
+            episode_index: match numbered {
+                Numbered::Evaluation(episode) | Numbered::Round(_, episode) => episode.into(),
+                Numbered::Own(episode) => episode,
+            },
+            seed: config.run.seed,
+            maze: config.maze.layout.clone(),
+            start: task.start,
+            goal: task.goal,
+            low_version,
+            high_version,
+            graph_version,
+            success_radius: config.evaluation.success_radius as f32,
+        };
+        let scene = self.scene(task, navigator);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.begin(Episode {
+                path,
+                part,
+                meta,
+                scene,
+                start: StartRecord {
+                    state: start.observation,
+                    exits: start.exits,
+                },
+            });
+        }
+    }
+
+    fn scene(&self, task: &Task, navigator: &Navigator) -> Scene {
+        let graph = navigator.graph();
+        let edges = (0..graph.len() as u32).flat_map(|node| {
+            let neighbours = graph.neighbours(node).iter();
+            neighbours.map(move |edge| (node, edge.to))
+        });
+        Scene {
+            walls: self.layout.boxes(),
+            wall_height: WALL_HEIGHT,
+            nodes: graph.places.clone(),
+            edges: edges.collect(),
+            goal: task.goal,
+            goal_radius: self.config.evaluation.success_radius as f32,
+        }
+    }
+
+    fn recorder(&mut self) -> Option<&mut Recorder> {
+        self.recorder.as_mut().filter(|recorder| recorder.is_open())
+    }
+
+    /// Tells what was decided before an action, and gives the step's record, whose reward is still
+    /// to come; none where no trace is open.
+    pub(crate) fn decided(
+        &mut self,
+        step: usize,
+        observation: &Observation,
+        decision: &Decision,
+        navigator: &mut Navigator,
+        ant: &AntMaze,
+    ) -> Option<StepRecord> {
+        let recorder = self.recorder()?;
+        let step = step as u32;
+        let subgoal_node = decision.subgoal.map_or(-1, |node| node as i32);
+        if let Some(outcome) = decision.outcome {
+            recorder.outcome(OutcomeRecord {
+                step,
+                node: outcome.from as i32,
+                subgoal_node: outcome.to as i32,
+                reached: outcome.reached,
+            });
+        }
+        if decision.chosen.is_some() {
+            let (neighbours, probabilities) = navigator.probabilities().iter().copied().collect();
+            recorder.choice(ChoiceRecord {
+                step,
+                node: decision.node as i32,
+                goal_node: navigator.goal_node() as i32,
+                subgoal_node,
+                value: navigator.value(decision.node),
+                neighbours,
+                probabilities,
+            });
+        }
+        Some(StepRecord {
+            step,
+            observation: *observation,
+            action: decision.action,
+            reward: 0.0,
+            node: decision.node as i32,
+            subgoal_node,
+            subgoal: decision.place,
+            bodies: ant.body_poses(),
+        })
+    }
+
+    /// Tells a step.
+    pub(crate) fn step(&mut self, record: StepRecord) {
+        if let Some(recorder) = self.recorder() {
+            recorder.step(record);
+        }
+    }
+
+    /// Ends the trace that is open.
+    pub(crate) fn end(&mut self, success: bool, observation: &Observation, ant: &AntMaze) {
+        if let Some(recorder) = self.recorder() {
+            recorder.end(EndRecord {
+                success,
+                fell: upright(observation) < maze::FALLEN,
+                observation: *observation,
+                bodies: ant.body_poses(),
+            });
+        }
+    }
+
+    /// Gives the trace up that is open.
+    pub(crate) fn discard(&mut self) {
+        if let Some(recorder) = self.recorder() {
+            recorder.discard();
+        }
+    }
+}

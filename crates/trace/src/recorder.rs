@@ -1,0 +1,214 @@
+//! Traces written by a thread of their own, so that whoever simulates never waits for a disk.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use crate::record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
+use crate::scene::Scene;
+use crate::write::{EpisodeWriter, FLUSH};
+use crate::{EpisodeMeta, TraceError};
+
+/// Places in the queue, allocated once: more than four episodes.
+const QUEUE: usize = 4096;
+
+/// An episode to trace.
+#[derive(Debug, Clone)]
+pub struct Episode {
+    /// Where the trace goes.
+    pub path: PathBuf,
+    /// What it is called until it is whole; a name of this process alone.
+    pub part: PathBuf,
+    /// Which episode it is.
+    pub meta: EpisodeMeta,
+    /// The world around it.
+    pub scene: Scene,
+    /// Its start.
+    pub start: StartRecord,
+}
+
+#[expect(
+    clippy::large_enum_variant,
+    reason = "most are steps, and a box would be an allocation in the step loop"
+)]
+enum Job {
+    Begin(Box<Episode>),
+    Outcome(OutcomeRecord),
+    Choice(ChoiceRecord),
+    Step(StepRecord),
+    End(Box<EndRecord>),
+    Discard,
+}
+
+/// Takes records and never waits: where the disk cannot follow, the trace is given up.
+pub struct Recorder {
+    /// None while it is dropped.
+    queue: Option<SyncSender<Job>>,
+    thread: Option<JoinHandle<()>>,
+    /// Whether an episode is being traced.
+    open: bool,
+    warn: fn(&str),
+}
+
+impl Recorder {
+    /// Starts the thread. `warn` is told of what fails; once, until something works again.
+    ///
+    /// # Errors
+    /// No more threads.
+    pub fn new(warn: fn(&str)) -> std::io::Result<Self> {
+        let (queue, jobs) = mpsc::sync_channel(QUEUE);
+        let thread = std::thread::Builder::new()
+            .name("trace".to_owned())
+            .spawn(move || {
+                Writer {
+                    episode: None,
+                    failed: false,
+                    warn,
+                }
+                .work(&jobs);
+            })?;
+        Ok(Self {
+            queue: Some(queue),
+            thread: Some(thread),
+            open: false,
+            warn,
+        })
+    }
+
+    /// Whether an episode is being traced.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.open
+    }
+
+    /// Begins a trace.
+    pub fn begin(&mut self, episode: Episode) {
+        self.open = true;
+        self.send(Job::Begin(Box::new(episode)));
+    }
+
+    /// Tells what became of a choice.
+    pub fn outcome(&mut self, record: OutcomeRecord) {
+        self.send(Job::Outcome(record));
+    }
+
+    /// Tells a choice.
+    pub fn choice(&mut self, record: ChoiceRecord) {
+        self.send(Job::Choice(record));
+    }
+
+    /// Tells a step.
+    pub fn step(&mut self, record: StepRecord) {
+        self.send(Job::Step(record));
+    }
+
+    /// Ends the trace: whole, it comes to its place a little later.
+    pub fn end(&mut self, record: EndRecord) {
+        self.send(Job::End(Box::new(record)));
+        self.open = false;
+    }
+
+    /// Gives the trace up.
+    pub fn discard(&mut self) {
+        self.send(Job::Discard);
+        self.open = false;
+    }
+
+    fn send(&mut self, job: Job) {
+        let Some(queue) = self.queue.as_ref().filter(|_| self.open) else {
+            return;
+        };
+        match queue.try_send(job) {
+            Ok(()) => {}
+            Err(TrySendError::Full(_)) => {
+                // A trace with a hole is none; the thread gives it up when the next one begins.
+                self.open = false;
+                (self.warn)("a trace is given up: the disk is slower than the simulation");
+            }
+            Err(TrySendError::Disconnected(_)) => self.open = false,
+        }
+    }
+}
+
+impl Drop for Recorder {
+    /// Waits for what is in the queue to be written.
+    fn drop(&mut self) {
+        self.queue = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The thread's side.
+struct Writer {
+    episode: Option<EpisodeWriter>,
+    /// Whether the last trace failed, which was told.
+    failed: bool,
+    warn: fn(&str),
+}
+
+impl Writer {
+    fn work(&mut self, jobs: &Receiver<Job>) {
+        loop {
+            let due = self.episode.as_ref().map(EpisodeWriter::flush_due);
+            let wait = due.map_or(FLUSH, |due| due.saturating_duration_since(Instant::now()));
+            match jobs.recv_timeout(wait) {
+                Ok(job) => self.take(job),
+                Err(RecvTimeoutError::Timeout) => self.write(EpisodeWriter::flush),
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+        }
+        // Its end never came.
+        self.discard();
+    }
+
+    fn take(&mut self, job: Job) {
+        match job {
+            Job::Begin(episode) => {
+                self.discard();
+                let Episode {
+                    path,
+                    part,
+                    meta,
+                    scene,
+                    start,
+                } = *episode;
+                match EpisodeWriter::begin(&path, part, &meta, scene, &start) {
+                    Ok(writer) => self.episode = Some(writer),
+                    Err(error) => self.fail(&error),
+                }
+            }
+            Job::Outcome(record) => self.write(|writer| writer.outcome(&record)),
+            Job::Choice(record) => self.write(|writer| writer.choice(record)),
+            Job::Step(record) => self.write(|writer| writer.step(&record)),
+            Job::End(record) => match self.episode.take().map(|writer| writer.end(&record)) {
+                Some(Err(error)) => self.fail(&error),
+                Some(Ok(_)) => self.failed = false,
+                None => {}
+            },
+            Job::Discard => self.discard(),
+        }
+    }
+
+    fn write(&mut self, work: impl FnOnce(&mut EpisodeWriter) -> Result<(), TraceError>) {
+        if let Some(Err(error)) = self.episode.as_mut().map(work) {
+            self.discard();
+            self.fail(&error);
+        }
+    }
+
+    fn fail(&mut self, error: &TraceError) {
+        if !self.failed {
+            (self.warn)(&format!("no trace: {error}"));
+        }
+        self.failed = true;
+    }
+
+    fn discard(&mut self) {
+        if let Some(writer) = self.episode.take() {
+            writer.discard();
+        }
+    }
+}

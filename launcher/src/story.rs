@@ -1,0 +1,272 @@
+//! What happened in an episode, as its trace tells it.
+
+use anyhow::Context;
+use maze::{FALLEN, Layout, OBSERVATION, upright};
+use serde::Serialize;
+use trace::Trace;
+
+/// A choice of the high level and what became of it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Subgoal {
+    /// Control step of the choice.
+    pub(crate) step: u32,
+    /// Node of the choice.
+    pub(crate) node: i32,
+    /// The node walked to.
+    pub(crate) subgoal_node: i32,
+    /// Its probability, where it is a neighbour that was open.
+    pub(crate) probability: Option<f32>,
+    /// The critic's value; none where nobody estimates it.
+    pub(crate) value: Option<f32>,
+    /// Whether it was reached; none where the episode ended or the goal came near before.
+    pub(crate) reached: Option<bool>,
+    /// Control steps to there.
+    pub(crate) steps: u32,
+}
+
+/// An episode.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Story {
+    pub(crate) purpose: String,
+    pub(crate) episode: u64,
+    pub(crate) run: String,
+    pub(crate) seed: u64,
+    pub(crate) maze: String,
+    pub(crate) actor: u32,
+    pub(crate) formica: String,
+    pub(crate) config: String,
+    pub(crate) low_version: u64,
+    pub(crate) high_version: u64,
+    pub(crate) graph_version: u64,
+    /// `success`, `failure` or `cut off`.
+    pub(crate) outcome: &'static str,
+    /// Why the trace ends before the episode did.
+    pub(crate) cut: Option<String>,
+    /// Control steps.
+    pub(crate) steps: usize,
+    pub(crate) seconds: f64,
+    #[serde(rename = "return")]
+    pub(crate) episode_return: f32,
+    /// Where it began and the goal (m).
+    pub(crate) start: [f32; 2],
+    pub(crate) goal: [f32; 2],
+    /// The way that the torso went, and its least distance to the goal (m).
+    pub(crate) walked: f32,
+    pub(crate) nearest: f32,
+    /// Times that the ant came to lie on its back, and steps that it lay there.
+    pub(crate) falls: usize,
+    pub(crate) steps_on_back: usize,
+    /// Whether it lay there at the end.
+    pub(crate) fell: bool,
+    pub(crate) subgoals: Vec<Subgoal>,
+    /// Where the torso was at each step (m).
+    #[serde(skip)]
+    pub(crate) path: Vec<[f32; 2]>,
+}
+
+impl Story {
+    /// Of a trace.
+    pub(crate) fn of(trace: &Trace) -> Self {
+        let meta = &trace.meta;
+        let last = trace.end.iter().map(|end| &end.observation);
+        let observations = trace.steps.iter().map(|step| &step.observation);
+        let observations: Vec<&[f32]> = observations
+            .chain(last)
+            .map(Vec::as_slice)
+            .filter(|observation| observation.len() == OBSERVATION)
+            .collect();
+        let path: Vec<[f32; 2]> = observations.iter().map(|o| [o[0], o[1]]).collect();
+        let between = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        let down: Vec<bool> = observations.iter().map(|o| upright(o) < FALLEN).collect();
+        let fallen = |pair: &&[bool]| !pair[0] && pair[1];
+        let outcome = match (trace.outcome, &trace.cut) {
+            (Some(outcome), None) if outcome.success => "success",
+            (Some(_), None) => "failure",
+            _ => "cut off",
+        };
+        Self {
+            purpose: meta.purpose.clone(),
+            episode: meta.episode_index,
+            run: meta.run.clone(),
+            seed: meta.seed,
+            maze: meta.maze.clone(),
+            actor: meta.actor,
+            formica: meta.version.clone(),
+            config: meta.config_hash.clone(),
+            low_version: meta.low_version,
+            high_version: meta.high_version,
+            graph_version: meta.graph_version,
+            outcome,
+            cut: trace.cut.clone(),
+            steps: trace.steps.len(),
+            seconds: trace.steps.len() as f64 * f64::from(maze::CONTROL_SECONDS),
+            episode_return: trace.steps.iter().map(|step| step.reward).sum(),
+            start: path.first().copied().unwrap_or(meta.start),
+            goal: meta.goal,
+            walked: path.windows(2).map(|pair| between(pair[0], pair[1])).sum(),
+            nearest: path
+                .iter()
+                .map(|place| between(*place, meta.goal))
+                .fold(f32::INFINITY, f32::min),
+            falls: down.windows(2).filter(fallen).count(),
+            steps_on_back: down.iter().filter(|down| **down).count(),
+            fell: down.last().copied().unwrap_or(false),
+            subgoals: subgoals(trace),
+            path,
+        }
+    }
+
+    /// Subgoals that were reached.
+    pub(crate) fn reached(&self) -> usize {
+        let reached = |subgoal: &&Subgoal| subgoal.reached == Some(true);
+        self.subgoals.iter().filter(reached).count()
+    }
+
+    /// Subgoals that were given up.
+    pub(crate) fn given_up(&self) -> usize {
+        let given_up = |subgoal: &&Subgoal| subgoal.reached == Some(false);
+        self.subgoals.iter().filter(given_up).count()
+    }
+}
+
+/// Each choice with the outcome that came before the next one.
+fn subgoals(trace: &Trace) -> Vec<Subgoal> {
+    let mut outcomes = trace.outcomes.iter().peekable();
+    let steps = trace.steps.len() as u32;
+    let mut subgoals = vec![];
+    for (i, choice) in trace.choices.iter().enumerate() {
+        let next = trace.choices.get(i + 1).map_or(u32::MAX, |next| next.step);
+        // What came before this choice is of none that is known.
+        while outcomes.next_if(|o| o.step <= choice.step).is_some() {}
+        let outcome = outcomes.next_if(|o| o.step <= next);
+        let position = choice
+            .neighbours
+            .iter()
+            .position(|node| i64::from(*node) == i64::from(choice.subgoal_node));
+        let probability = position.and_then(|at| choice.probabilities.get(at));
+        subgoals.push(Subgoal {
+            step: choice.step,
+            node: choice.node,
+            subgoal_node: choice.subgoal_node,
+            probability: probability.copied().filter(|p| p.is_finite()),
+            value: Some(choice.value).filter(|value| value.is_finite()),
+            reached: outcome.map(|outcome| outcome.reached),
+            steps: match outcome {
+                Some(outcome) => outcome.steps,
+                None => steps.min(next).saturating_sub(choice.step),
+            },
+        });
+    }
+    subgoals
+}
+
+/// Places of the graph's nodes (m).
+pub(crate) fn nodes(trace: &Trace) -> Vec<[f32; 2]> {
+    let graph = &trace.graph;
+    let places = graph.x.iter().zip(&graph.y);
+    places.map(|(x, y)| [*x, *y]).collect()
+}
+
+/// The maze of an episode, by the config that its trace holds. Of that only `[maze]` is read, so
+/// that traces of other versions can be looked at.
+pub(crate) fn layout(trace: &Trace) -> anyhow::Result<Layout> {
+    let told = "the config.toml that the trace holds does not tell a maze";
+    let config: toml::Table = toml::from_str(&trace.meta.config_toml).context(told)?;
+    let maze = config.get("maze").and_then(toml::Value::as_table);
+    let maze = maze.context(told)?;
+    let name = maze.get("layout").and_then(toml::Value::as_str);
+    let rows = maze.get("rows").and_then(toml::Value::as_array);
+    let rows = rows.into_iter().flatten();
+    let rows: Vec<String> = rows
+        .filter_map(|row| row.as_str().map(str::to_owned))
+        .collect();
+    Layout::of(name.context(told)?, &rows).context(told)
+}
+
+#[cfg(test)]
+mod tests {
+    use trace::{Choice, EdgeOutcome, Step};
+
+    use super::*;
+
+    fn choice(step: u32, subgoal_node: i32) -> Choice {
+        Choice {
+            step,
+            node: 1,
+            subgoal_node,
+            value: f32::NAN,
+            neighbours: vec![4, 7],
+            probabilities: vec![0.25, 0.75],
+            ..Choice::default()
+        }
+    }
+
+    fn step(x: f32, upside: f32) -> Step {
+        let mut observation = vec![0.0; OBSERVATION];
+        (observation[0], observation[4]) = (x, upside);
+        Step {
+            observation,
+            reward: 0.5,
+            ..Step::default()
+        }
+    }
+
+    #[test]
+    fn choices_have_their_own_outcomes() {
+        let outcome = |step, reached| EdgeOutcome {
+            step,
+            reached,
+            steps: 9,
+            ..EdgeOutcome::default()
+        };
+        let trace = Trace {
+            steps: vec![step(0.0, 0.0); 50],
+            choices: vec![choice(0, 7), choice(10, 9), choice(20, 4), choice(30, 4)],
+            // At 10 the first one ends and the second begins; of the third nothing is told.
+            outcomes: vec![outcome(10, true), outcome(18, false)],
+            ..Trace::default()
+        };
+        let story = Story::of(&trace);
+        let told: Vec<_> = story
+            .subgoals
+            .iter()
+            .map(|s| (s.reached, s.steps, s.probability))
+            .collect();
+        assert_eq!(
+            told,
+            [
+                (Some(true), 9, Some(0.75)),
+                (Some(false), 9, None),
+                (None, 10, Some(0.25)),
+                (None, 20, Some(0.25)),
+            ]
+        );
+        assert_eq!((story.reached(), story.given_up()), (1, 1));
+        assert_eq!(story.subgoals[0].value, None);
+    }
+
+    #[test]
+    fn falls_are_counted_and_strange_rows_left_out() {
+        let mut trace = Trace::default();
+        for (x, upside) in [(0.0, 0.0), (3.0, 1.0), (3.0, 1.0), (3.0, 0.0), (7.0, 1.0)] {
+            trace.steps.push(step(x, upside));
+        }
+        trace.steps[2].observation.truncate(3);
+        let story = Story::of(&trace);
+        assert_eq!((story.falls, story.steps_on_back, story.fell), (2, 2, true));
+        assert_eq!((story.walked, story.steps), (7.0, 5));
+        assert_eq!(story.episode_return, 2.5);
+        assert_eq!(story.outcome, "cut off");
+    }
+
+    #[test]
+    fn the_maze_is_read_whatever_else_the_config_says() {
+        let mut trace = Trace::default();
+        assert!(layout(&trace).is_err());
+        trace.meta.config_toml = "[future]\nx = 1\n[maze]\nlayout = \"large\"\nrows = []\n".into();
+        let large = Layout::named("large").unwrap();
+        assert_eq!(layout(&trace).unwrap().boxes(), large.boxes());
+        trace.meta.config_toml = "[maze]\nlayout = \"nowhere\"\n".into();
+        assert!(layout(&trace).is_err());
+    }
+}
