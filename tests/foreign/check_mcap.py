@@ -12,10 +12,11 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 METADATA = "formica.episode"
+OUTCOME = "formica.outcome"
 
 
 def check(path):
-    counts, last = Counter(), 0
+    counts, last, choices = Counter(), 0, []
     with open(path, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
         # In the order of the file, so that an order that is wrong shows.
@@ -27,19 +28,31 @@ def check(path):
                 assert decoded.step == counts["/step"] - 1, f"step {decoded.step} out of order"
                 assert len(decoded.observation) == 29, "an observation has 29 values"
                 assert len(decoded.action) == 8, "an action has 8 values"
-                assert len(decoded.neighbours) == len(decoded.probabilities)
                 time = decoded.timestamp.seconds * 10**9 + decoded.timestamp.nanos
                 assert time == message.log_time, "the step's own time is its log time"
             elif channel.topic == "/tf":
                 assert len(decoded.transforms) == 9, "the ant has nine bodies"
-        metadata = [record for record in reader.iter_metadata() if record.name == METADATA]
-        assert len(metadata) == 1, f"{len(metadata)} records '{METADATA}'"
-        metadata = metadata[0].metadata
+            elif channel.topic == "/choice":
+                assert len(decoded.neighbours) == len(decoded.probabilities)
+                assert abs(sum(decoded.probabilities) - 1) < 1e-3, "probabilities add up to 1"
+                choices.append((decoded.step, decoded.subgoal_node))
+            elif channel.topic == "/outcome":
+                assert choices[-1] == (decoded.step - decoded.steps, decoded.subgoal_node)
+            elif channel.topic.startswith("/points/"):
+                assert len(decoded.data) % decoded.point_stride == 0 and decoded.data
+        records = list(reader.iter_metadata())
+        assert [record.name for record in records] == [METADATA, OUTCOME], records
+        metadata = records[0].metadata | records[1].metadata
+        for topic in ("/start", "/end", "/goal", "/graph/structure", "/scene/maze"):
+            assert counts[topic] == 1, f"{counts[topic]} messages of {topic}"
+        assert counts["/tf"] == counts["/step"] + 1, "a pose for each state"
         assert int(metadata["steps"]) == counts["/step"], "metadata and /step tell other counts"
         attachments = sorted(attachment.name for attachment in reader.iter_attachments())
         assert attachments == ["config.toml", "layout.json"], attachments
         statistics = reader.get_summary().statistics
         assert statistics.message_count == counts.total(), "the statistics tell another count"
+        compression = {index.compression for index in reader.get_summary().chunk_indexes}
+        assert compression == {"zstd"}, f"chunks compressed with {compression}"
     print(path)
     for topic, count in sorted(counts.items()):
         print(f"  {topic:14} {count}")

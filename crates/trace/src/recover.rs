@@ -65,7 +65,9 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, TraceError> {
     let path = output.finish()?;
     let after = read(&path)?;
     if after.cut.is_some() || after.messages != before.messages {
-        let reason = after.cut.unwrap_or_else(|| "messages are missing".to_owned());
+        let reason = after
+            .cut
+            .unwrap_or_else(|| "messages are missing".to_owned());
         return Err(TraceError::Mcap {
             path: path.display().to_string(),
             reason: format!("what was recovered does not read back: {reason}"),
