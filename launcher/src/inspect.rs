@@ -103,7 +103,8 @@ fn gather(given: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-fn search(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> anyhow::Result<()> {
+/// Traces in a folder and those below it, by name.
+pub(crate) fn search(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> anyhow::Result<()> {
     let reading = || format!("reading {}", folder.display());
     let mut entries = vec![];
     for entry in fs::read_dir(folder).with_context(reading)? {

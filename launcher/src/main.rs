@@ -30,6 +30,8 @@ mod score;
 mod stages;
 mod story;
 mod table;
+#[cfg(feature = "live")]
+mod watch;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -76,6 +78,9 @@ enum Command {
     Curves(curves::Args),
     /// Tell what happened in a recorded episode; of a folder of traces, a table
     Inspect(inspect::Args),
+    /// Play a run's newest traces to Foxglove or Lichtblick on this machine
+    #[cfg(feature = "live")]
+    Watch(watch::Args),
     /// Simulate a trace's actions again and compare every state bit by bit
     Replay {
         /// The trace
@@ -159,6 +164,8 @@ fn main() -> ExitCode {
         Command::Dataset(action) => dataset::run(&action),
         Command::Curves(args) => curves::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        #[cfg(feature = "live")]
+        Command::Watch(args) => watch::run(&args),
         Command::Replay { trace } => replay::run(&trace),
         Command::Recover { trace, out } => recovery::run(&trace, out.as_deref()),
         Command::Doctor => doctor::doctor(),

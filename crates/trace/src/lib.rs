@@ -36,6 +36,8 @@ mod record;
 mod recorder;
 mod recover;
 mod scene;
+#[cfg(feature = "live")]
+mod serve;
 mod topic;
 mod write;
 
@@ -46,6 +48,8 @@ pub use record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord
 pub use recorder::{Episode, Recorder};
 pub use recover::{Recovered, recover};
 pub use scene::Scene;
+#[cfg(feature = "live")]
+pub use serve::Server;
 pub use write::EpisodeWriter;
 
 /// Name of the metadata record of an episode, written at its start.
