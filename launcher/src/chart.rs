@@ -4,6 +4,7 @@
 use std::fmt::Write;
 
 use crate::axis::{labels, ticks};
+use crate::markup::{escaped, text};
 
 /// Okabe and Ito's colours, told apart by colour-blind eyes too, without those that are lost on a
 /// white or a black ground. Further groups take them again, dashed.
@@ -228,41 +229,12 @@ fn dash(series: usize) -> &'static str {
     DASHES[series / COLOURS.len() % DASHES.len()]
 }
 
-fn text(svg: &mut String, [x, y]: [f64; 2], attributes: &str, text: &str) {
-    let text = escaped(text);
-    let _ = writeln!(
-        svg,
-        "<text x=\"{x:.1}\" y=\"{y:.1}\" {attributes}>{text}</text>"
-    );
-}
-
-/// A text as XML holds it; characters that XML forbids are replaced.
-fn escaped(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            '\u{fffe}' | '\u{ffff}' => safe.push('\u{fffd}'),
-            c if c.is_control() => safe.push('\u{fffd}'),
-            c => safe.push(c),
-        }
-    }
-    safe
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn text_is_escaped() {
-        assert_eq!(
-            escaped("a<b & \"c\">\u{1}"),
-            "a&lt;b &amp; &quot;c&quot;&gt;\u{fffd}"
-        );
         let chart = Chart {
             title: "<t>".into(),
             subtitle: "&s".into(),

@@ -14,6 +14,10 @@ mod folder;
 mod groups;
 mod interrupts;
 mod launch;
+mod markup;
+// Drawn by nothing but tests yet.
+#[allow(dead_code)]
+mod picture;
 mod progress;
 mod recorded;
 mod role;
