@@ -15,11 +15,10 @@ mod groups;
 mod interrupts;
 mod launch;
 mod markup;
-// Drawn by nothing but tests yet.
-#[allow(dead_code)]
 mod picture;
 mod progress;
 mod recorded;
+mod report;
 mod role;
 mod saved;
 mod score;
@@ -68,6 +67,8 @@ enum Command {
     },
     /// Draw learning curves of runs, with mean and spread over seeds, and print their final scores
     Curves(curves::Args),
+    /// Everything that runs have left, as one page: scores, curves, graph, paths, stages, config
+    Report(report::Args),
     /// Look at this machine, and clear what dead runs left in shared memory
     Doctor,
     /// An actor of a run (started by launch)
@@ -137,6 +138,7 @@ fn main() -> ExitCode {
         }),
         Command::Dataset(action) => dataset::run(&action),
         Command::Curves(args) => curves::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Doctor => doctor::doctor(),
         Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),
         Command::Learner(args) => role::run(|stop| learner::run(&args, stop)),
