@@ -1,7 +1,8 @@
 //! The report of a run: all of its parts are there, it needs no other file, and a browser shows
 //! every figure on a phone and on a screen, light and dark.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are tests too.
+// Helpers of tests are tests too.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::fmt::Write;
 use std::path::Path;
@@ -33,7 +34,12 @@ fn run(folder: &Path, name: &str, seed: u32, score: Option<f64>) {
     for i in 0..100 {
         let value = if i < 50 { 0 } else { 100 };
         let _ = writeln!(metrics, "{}.0,actor,0,rollout/score,{i},{value}", i * 10);
-        let _ = writeln!(metrics, "{}.5,learner,0,low/policy_loss,{i},-0.25", i * 10);
+        let seconds = i * 10;
+        let _ = writeln!(metrics, "{seconds}.5,learner,0,low/policy_loss,{i},-0.25");
+        let _ = writeln!(
+            metrics,
+            "{seconds}.5,launcher,0,throughput/steps_per_s,{i},2000"
+        );
     }
     std::fs::write(run.join("metrics.csv"), metrics).unwrap();
     if let Some(score) = score {
@@ -180,6 +186,7 @@ fn several_runs_are_grouped_with_their_spread_and_differences() {
         assert!(page.contains(told), "{told}");
     }
     assert!(!page.contains("<i>"), "a name is markup");
+    assert!(has(&page, "figure", "throughput") && !has(&page, "figure", "lag"));
     assert_eq!(foreign(&page), Vec::<String>::new());
 }
 
@@ -201,7 +208,7 @@ fn what_cannot_be_reported_is_named_and_no_page_is_left() {
     std::os::unix::fs::symlink("whole", path("latest")).unwrap();
     for (arguments, told) in [
         (&["nowhere"][..], "there is no run nowhere: neither it nor"),
-        (&["metrics"], "runs/metrics/metrics.csv:16: expected"),
+        (&["metrics"], "runs/metrics/metrics.csv:23: expected"),
         (&["score"], "runs/score/score.json:2: "),
         (&["stages"], "runs/stages/stages.json:1: "),
         (&["episodes"], "runs/episodes/episodes.csv:2: expected"),
@@ -275,15 +282,8 @@ fn look(folder: &Path, page: &str, width: u32, dark: bool) -> (String, Vec<Strin
     std::fs::write(&path, look).unwrap();
     let profile = tempfile::tempdir().unwrap();
     let scheme = if dark { 0 } else { 1 };
-    let output = Command::new("nice")
-        .args([
-            "-n",
-            "19",
-            "chromium",
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-        ])
+    let output = Command::new("chromium")
+        .args(["--headless", "--no-sandbox", "--disable-gpu"])
         .args([
             "--enable-logging=stderr",
             "--v=0",
@@ -362,9 +362,10 @@ fn a_browser_shows_every_figure_and_has_nothing_to_complain_of() {
     let mut other = std::fs::read_to_string(&config).unwrap();
     other.push_str("[low]\nsnap = 0.25\n");
     std::fs::write(&config, other).unwrap();
+    let all = [&FIGURES[..], &["throughput"]].concat();
     for (runs, page, figures) in [
         (&["small"][..], "one.html", &FIGURES[..]),
-        (&["a-1", "a-2", "b-1", "small"], "four.html", &FIGURES),
+        (&["a-1", "a-2", "b-1", "small"], "four.html", &all),
     ] {
         let arguments = [runs, &["--out", page]].concat();
         let (code, told) = report(folder.path(), &arguments);

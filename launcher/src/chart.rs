@@ -46,12 +46,12 @@ struct Sizes {
 impl Shape {
     fn sizes(self) -> Sizes {
         let narrow = Sizes {
-            width: 420.0,
+            width: 400.0,
             margin: 14.0,
             height: 250.0,
             intervals: [7, 8],
-            letters: [44, 64],
-            label: 50,
+            letters: [42, 60],
+            label: 46,
             beneath: true,
         };
         match self {

@@ -94,8 +94,8 @@ pub(crate) fn training(groups: &[Group]) -> String {
     let names: BTreeSet<&str> = runs
         .flat_map(|run| run.metrics.keys().map(String::as_str))
         .filter(|name| TRAINING.iter().any(|area| name.starts_with(area)))
-        // A value alone is no curve.
-        .filter(|name| rows(groups, name) > 1)
+        // Two values are no curve.
+        .filter(|name| rows(groups, name) > 2)
         .collect();
     if names.is_empty() {
         return absent("Nothing was trained yet: no losses in metrics.csv.");
@@ -134,6 +134,12 @@ pub(crate) fn training(groups: &[Group]) -> String {
     );
     if ordered.len() > CHARTS {
         caption += &format!(" {} more are left out.", ordered.len() - CHARTS);
+    }
+    let runs = groups.iter().flat_map(|group| &group.runs);
+    let metrics = runs.flat_map(|run| run.metrics.values());
+    let strays: usize = metrics.map(|metric| metric.left_out).sum();
+    if strays > 0 {
+        caption += &format!(" {strays} values that are no number to draw are left out.");
     }
     legend + &figure("losses", Layout::Many, &pictures, &caption)
 }

@@ -75,10 +75,20 @@ fn told(faults: &[String]) -> String {
     faults.iter().map(|fault| absent(fault)).collect()
 }
 
+/// The runs, every group's turn before any group's next.
+fn by_turns(groups: &[Group]) -> Vec<&Recorded> {
+    let runs = groups
+        .iter()
+        .flat_map(|group| group.runs.iter().enumerate());
+    let mut runs: Vec<(usize, &Recorded)> = runs.collect();
+    runs.sort_by_key(|(turn, _)| *turn);
+    runs.into_iter().map(|(_, run)| run).collect()
+}
+
 /// The graph of each run over its maze.
 pub(crate) fn graphs(groups: &[Group]) -> String {
     let (mut pictures, mut faults, mut left_out) = (vec![], vec![], 0);
-    for run in groups.iter().flat_map(|group| &group.runs) {
+    for run in by_turns(groups) {
         if pictures.len() == GRAPHS {
             left_out += 1;
             continue;
@@ -160,7 +170,7 @@ fn shown(path: &Path) -> String {
 /// run's next.
 pub(crate) fn paths(groups: &[Group]) -> String {
     let (mut episodes, mut faults) = (vec![], vec![]);
-    for run in groups.iter().flat_map(|group| &group.runs) {
+    for run in by_turns(groups) {
         let mut turns = [0; 2];
         for path in traces(run) {
             match trace::summary(&path) {

@@ -135,7 +135,7 @@ fn parts(stages: &[Stage], times: &Times) -> Vec<(&'static str, f64)> {
 }
 
 /// Pixels of a picture for phones.
-const WIDTH: f64 = 420.0;
+const WIDTH: f64 = 400.0;
 const LEFT: f64 = 122.0;
 const RIGHT: f64 = 70.0;
 const ROW: f64 = 24.0;
@@ -190,7 +190,7 @@ mod tests {
             &[("low level", 200.0), ("graph", 2.0), ("other", f64::NAN)],
         );
         assert!(svg.contains("a&lt;b"), "{svg}");
-        for (width, told) in [("228.0", ">200 s<"), ("2.3", ">2.0 s<")] {
+        for (width, told) in [("208.0", ">200 s<"), ("2.1", ">2.0 s<")] {
             assert!(
                 svg.contains(&format!("width=\"{width}\" height=\"17\"")),
                 "{svg}"
