@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use crate::axis::{labels, ticks};
-use crate::markup::{escaped, text};
+use crate::markup::{escaped, text, wrapped};
 
 /// Okabe and Ito's colours, told apart by colour-blind eyes too, without those that are lost on a
 /// white or a black ground. Further groups take them again, dashed.
@@ -13,27 +13,80 @@ const COLOURS: [&str; 6] = [
 ];
 const DASHES: [&str; 3] = ["none", "9 4", "3 3"];
 
-/// Everything is in pixels of a picture this wide.
-const WIDTH: f64 = 860.0;
-const MARGIN: f64 = 24.0;
-const TOP: f64 = 72.0;
-const BOTTOM: f64 = 452.0;
-const LEGEND: f64 = BOTTOM + 68.0;
-const LEGEND_ROW: f64 = 22.0;
-/// Of a character of a tick's label.
+/// Of a character of a tick's label (px).
 const LETTER: f64 = 7.5;
-/// Intervals between the ticks of x and y, at most: with few, much of an axis could stay empty.
-const INTERVALS: [usize; 2] = [15, 12];
-/// Characters of a label in the legend; longer ones would run into the note.
-const LABEL: usize = 68;
+const LEGEND_ROW: f64 = 22.0;
 
-const STYLE: &str = "text{font:13px system-ui,'DejaVu Sans',sans-serif;fill:#1f2328}\
-    .title{font-size:17px;font-weight:600}.faint{font-size:12px;fill:#59636e}\
-    .paper{fill:#ffffff}.dot{stroke:#ffffff;stroke-width:1.5}.grid{stroke:#d8dee4}\
-    .axis{stroke:#59636e}.band{fill-opacity:.18}.thin{stroke-opacity:.5}path{stroke-linecap:round;stroke-linejoin:round}\
-    @media(prefers-color-scheme:dark){text{fill:#e6edf3}.faint{fill:#9aa4ae}\
-    .paper{fill:#15191e}.dot{stroke:#15191e}.grid{stroke:#343b43}.axis{stroke:#9aa4ae}\
-    .band{fill-opacity:.3}.thin{stroke-opacity:.7}}";
+/// How a chart is laid out. Everything is in pixels of a picture of its width.
+#[derive(Clone, Copy)]
+pub(crate) enum Shape {
+    /// For a screen, or alone.
+    Wide,
+    /// For a phone: its text stays readable there.
+    Narrow,
+    /// One of many: as narrow, less high, without a legend.
+    Small,
+}
+
+struct Sizes {
+    width: f64,
+    margin: f64,
+    /// Of the part with the curves.
+    height: f64,
+    /// Intervals between the ticks of x and y, at most: with few, much of an axis could stay empty.
+    intervals: [usize; 2],
+    /// Characters of a line of title and subtitle.
+    letters: [usize; 2],
+    /// Characters of a label in the legend; longer ones would run into the note, or the edge.
+    label: usize,
+    /// Whether the legend's notes stand beneath the labels.
+    beneath: bool,
+}
+
+impl Shape {
+    fn sizes(self) -> Sizes {
+        let narrow = Sizes {
+            width: 400.0,
+            margin: 14.0,
+            height: 250.0,
+            intervals: [7, 8],
+            letters: [42, 60],
+            label: 46,
+            beneath: true,
+        };
+        match self {
+            Self::Wide => Sizes {
+                width: 860.0,
+                margin: 24.0,
+                height: 380.0,
+                intervals: [15, 12],
+                letters: [usize::MAX; 2],
+                label: 68,
+                beneath: false,
+            },
+            Self::Narrow => narrow,
+            Self::Small => Sizes {
+                height: 170.0,
+                intervals: [7, 6],
+                ..narrow
+            },
+        }
+    }
+}
+
+/// Every rule begins with the root's class: in a page a style holds for the whole page.
+const STYLE: &str = "\
+    .chart text{font:13px system-ui,'DejaVu Sans',sans-serif;fill:#1f2328}\
+    .chart .title{font-size:17px;font-weight:600}.chart .faint{font-size:12px;fill:#59636e}\
+    .chart .paper{fill:#ffffff}.chart .dot{stroke:#ffffff;stroke-width:1.5}\
+    .chart .grid{stroke:#d8dee4}.chart .axis{stroke:#59636e}\
+    .chart .band{fill-opacity:.18}.chart .thin{stroke-opacity:.5}\
+    .chart path{stroke-linecap:round;stroke-linejoin:round}\
+    @media screen and (prefers-color-scheme:dark){\
+    .chart text{fill:#e6edf3}.chart .faint{fill:#9aa4ae}\
+    .chart .paper{fill:#15191e}.chart .dot{stroke:#15191e}\
+    .chart .grid{stroke:#343b43}.chart .axis{stroke:#9aa4ae}\
+    .chart .band{fill-opacity:.3}.chart .thin{stroke-opacity:.7}}";
 
 /// What one colour shows.
 #[derive(Default)]
@@ -48,6 +101,7 @@ pub(crate) struct Series {
     pub(crate) dots: Vec<[f64; 2]>,
 }
 
+#[derive(Default)]
 pub(crate) struct Chart {
     pub(crate) title: String,
     pub(crate) subtitle: String,
@@ -65,15 +119,18 @@ struct Frame {
     x: Vec<f64>,
     y: Vec<f64>,
     left: f64,
+    right: f64,
+    top: f64,
+    bottom: f64,
 }
 
 impl Frame {
     fn x(&self, value: f64) -> f64 {
-        self.left + share(&self.x, value) * (WIDTH - MARGIN - self.left)
+        self.left + share(&self.x, value) * (self.right - self.left)
     }
 
     fn y(&self, value: f64) -> f64 {
-        BOTTOM + share(&self.y, value) * (TOP - BOTTOM)
+        self.bottom + share(&self.y, value) * (self.top - self.bottom)
     }
 
     /// A path through points; one point alone is a dot of the line's width.
@@ -97,7 +154,7 @@ fn share(ticks: &[f64], value: f64) -> f64 {
 }
 
 impl Chart {
-    fn frame(&self) -> Frame {
+    fn frame(&self, sizes: &Sizes, top: f64) -> Frame {
         let lines = |series: &Series| -> Vec<f64> {
             let points = series.thin.iter().flatten();
             let points = points.chain(&series.bold).chain(&series.dots);
@@ -112,53 +169,80 @@ impl Chart {
         }
         let low = values.iter().copied().reduce(f64::min).unwrap_or(0.0);
         let high = values.iter().copied().reduce(f64::max).unwrap_or(0.0);
-        let y = ticks(low, high, INTERVALS[1]);
+        let y = ticks(low, high, sizes.intervals[1]);
         let longest = labels(&y).iter().map(|label| label.chars().count()).max();
+        let label = if self.y_label.is_empty() { 10.0 } else { 30.0 };
         Frame {
-            x: ticks(0.0, self.x_end, INTERVALS[0]),
+            x: ticks(0.0, self.x_end, sizes.intervals[0]),
             y,
-            left: MARGIN + 30.0 + LETTER * longest.unwrap_or(0) as f64,
+            left: sizes.margin + label + LETTER * longest.unwrap_or(0) as f64,
+            right: sizes.width - sizes.margin,
+            top,
+            bottom: top + sizes.height,
         }
     }
 
     /// The picture.
-    pub(crate) fn svg(&self) -> String {
-        let frame = self.frame();
-        let height = LEGEND + LEGEND_ROW * self.series.len() as f64;
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" \
-             width=\"{WIDTH}\" height=\"{height}\" role=\"img\">\n<title>{}</title>\n\
-             <style>{STYLE}</style>\n<rect class=\"paper\" width=\"100%\" height=\"100%\"/>\n",
+    pub(crate) fn svg(&self, shape: Shape) -> String {
+        let sizes = shape.sizes();
+        let Sizes { width, margin, .. } = sizes;
+        let mut body = String::new();
+        let mut y = margin - 12.0;
+        for line in wrapped(&self.title, sizes.letters[0]) {
+            y += 20.0;
+            text(&mut body, [margin, y], "class=\"title\"", &line);
+        }
+        y += 4.0;
+        for line in wrapped(&self.subtitle, sizes.letters[1]) {
+            y += 16.0;
+            text(&mut body, [margin, y], "class=\"faint\"", &line);
+        }
+        let frame = self.frame(&sizes, y + 20.0);
+        self.axes(&mut body, &frame, margin);
+        self.curves(&mut body, &frame);
+        let labelled = if self.x_label.is_empty() { 20.0 } else { 41.0 };
+        let height = match shape {
+            Shape::Small => frame.bottom + labelled + 8.0,
+            _ => self.legend(&mut body, &sizes, frame.bottom + labelled + 27.0),
+        };
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"chart\" \
+             viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\" \
+             role=\"img\">\n<title>{}</title>\n<style>{STYLE}</style>\n\
+             <rect class=\"paper\" width=\"100%\" height=\"100%\"/>\n{body}</svg>\n",
             escaped(&self.title)
-        );
-        text(&mut svg, [MARGIN, 32.0], "class=\"title\"", &self.title);
-        text(&mut svg, [MARGIN, 52.0], "class=\"faint\"", &self.subtitle);
-        self.axes(&mut svg, &frame);
-        self.curves(&mut svg, &frame);
-        self.legend(&mut svg);
-        svg.push_str("</svg>\n");
-        svg
+        )
     }
 
-    fn axes(&self, svg: &mut String, frame: &Frame) {
-        let (left, right) = (frame.left, WIDTH - MARGIN);
+    fn axes(&self, svg: &mut String, frame: &Frame, margin: f64) {
+        let Frame {
+            left,
+            right,
+            top,
+            bottom,
+            ..
+        } = *frame;
         for (y, label) in frame.y.iter().zip(labels(&frame.y)) {
             let y = frame.y(*y);
             let _ = writeln!(svg, "<path class=\"grid\" d=\"M{left} {y:.1}H{right}\"/>");
             text(svg, [left - 8.0, y + 4.5], "text-anchor=\"end\"", &label);
         }
         for (x, label) in frame.x.iter().zip(labels(&frame.x)) {
-            let (x, end) = (frame.x(*x), BOTTOM + 5.0);
-            let _ = writeln!(svg, "<path class=\"axis\" d=\"M{x:.1} {BOTTOM}V{end}\"/>");
-            text(svg, [x, BOTTOM + 20.0], "text-anchor=\"middle\"", &label);
+            let (x, end) = (frame.x(*x), bottom + 5.0);
+            let _ = writeln!(svg, "<path class=\"axis\" d=\"M{x:.1} {bottom}V{end}\"/>");
+            text(svg, [x, bottom + 20.0], "text-anchor=\"middle\"", &label);
         }
-        let axis = format!("M{left} {TOP}V{BOTTOM}H{right}");
+        let axis = format!("M{left} {top}V{bottom}H{right}");
         let _ = writeln!(svg, "<path class=\"axis\" fill=\"none\" d=\"{axis}\"/>");
-        let place = [f64::midpoint(left, right), BOTTOM + 41.0];
-        text(svg, place, "text-anchor=\"middle\"", &self.x_label);
-        let (x, y) = (MARGIN + 8.0, f64::midpoint(TOP, BOTTOM));
-        let turned = format!("text-anchor=\"middle\" transform=\"rotate(-90 {x} {y})\"");
-        text(svg, [x, y], &turned, &self.y_label);
+        if !self.x_label.is_empty() {
+            let place = [f64::midpoint(left, right), bottom + 41.0];
+            text(svg, place, "text-anchor=\"middle\"", &self.x_label);
+        }
+        if !self.y_label.is_empty() {
+            let (x, y) = (margin + 8.0, f64::midpoint(top, bottom));
+            let turned = format!("text-anchor=\"middle\" transform=\"rotate(-90 {x} {y})\"");
+            text(svg, [x, y], &turned, &self.y_label);
+        }
     }
 
     /// Bands lie below all lines, dots above them.
@@ -198,27 +282,47 @@ impl Chart {
         }
     }
 
-    fn legend(&self, svg: &mut String) {
+    /// The legend, its first row at `y`; the height of the whole picture.
+    fn legend(&self, svg: &mut String, sizes: &Sizes, mut y: f64) -> f64 {
+        let margin = sizes.margin;
         for (i, series) in self.series.iter().enumerate() {
-            let y = LEGEND + LEGEND_ROW * i as f64;
-            let (colour, dash) = (colour(i), dash(i));
-            let _ = writeln!(
-                svg,
-                "<path stroke=\"{colour}\" stroke-width=\"4\" stroke-dasharray=\"{dash}\" \
-                 d=\"M{} {}h28\"/>",
-                MARGIN + 2.0,
-                y - 4.5
-            );
+            let sign = stroke(i, [margin + 2.0, y - 4.5]);
+            let _ = writeln!(svg, "{sign}");
             let mut label = series.label.clone();
-            if let Some((end, _)) = label.char_indices().nth(LABEL) {
+            if let Some((end, _)) = label.char_indices().nth(sizes.label) {
                 label.truncate(end);
                 label.push('…');
             }
-            text(svg, [MARGIN + 42.0, y], "", &label);
-            let right = [WIDTH - MARGIN, y];
-            text(svg, right, "text-anchor=\"end\"", &series.note);
+            text(svg, [margin + 42.0, y], "", &label);
+            if sizes.beneath && !series.note.is_empty() {
+                y += 16.0;
+                text(svg, [margin + 42.0, y], "class=\"faint\"", &series.note);
+            } else {
+                let right = [sizes.width - margin, y];
+                text(svg, right, "text-anchor=\"end\"", &series.note);
+            }
+            y += LEGEND_ROW;
         }
+        y
     }
+}
+
+/// The legend's sign for a series.
+fn stroke(series: usize, [x, y]: [f64; 2]) -> String {
+    let (colour, dash) = (colour(series), dash(series));
+    format!(
+        "<path stroke=\"{colour}\" stroke-width=\"4\" stroke-dasharray=\"{dash}\" \
+         d=\"M{x} {y}h28\"/>"
+    )
+}
+
+/// The same for a legend outside of a chart.
+pub(crate) fn sign(series: usize) -> String {
+    let stroke = stroke(series, [2.0, 5.0]);
+    format!(
+        "<svg class=\"chart sign\" viewBox=\"0 0 32 10\" width=\"32\" height=\"10\" \
+         aria-hidden=\"true\">{stroke}</svg>"
+    )
 }
 
 fn colour(series: usize) -> &'static str {
@@ -248,7 +352,7 @@ mod tests {
                 ..Series::default()
             }],
         };
-        let svg = chart.svg();
+        let svg = chart.svg(Shape::Wide);
         for text in [
             "&lt;t&gt;",
             "&amp;s",
@@ -264,10 +368,8 @@ mod tests {
     #[test]
     fn a_line_spans_the_axes_and_a_band_is_cut_at_the_range() {
         let chart = Chart {
-            title: String::new(),
-            subtitle: String::new(),
-            x_label: String::new(),
-            y_label: String::new(),
+            title: "t".into(),
+            subtitle: "s".into(),
             x_end: 10.0,
             y_range: Some([0.0, 100.0]),
             series: vec![Series {
@@ -276,14 +378,56 @@ mod tests {
                 band: vec![[0.0, -20.0, 20.0], [10.0, 80.0, 120.0]],
                 ..Series::default()
             }],
+            ..Chart::default()
         };
-        let (svg, frame) = (chart.svg(), chart.frame());
-        let (left, right) = (frame.left, WIDTH - MARGIN);
-        let bold = format!("d=\"M{left:.1} {BOTTOM:.1}L{right:.1} {TOP:.1}\"");
+        let svg = chart.svg(Shape::Wide);
+        let sizes = Shape::Wide.sizes();
+        let frame = chart.frame(&sizes, 72.0);
+        let Frame {
+            left,
+            right,
+            top,
+            bottom,
+            ..
+        } = frame;
+        let bold = format!("d=\"M{left:.1} {bottom:.1}L{right:.1} {top:.1}\"");
         assert!(svg.contains(&bold), "{bold} in {svg}");
         let middle = format!("M{:.1} 262.0h0", f64::midpoint(left, right));
         assert!(svg.contains(&middle), "{middle} in {svg}");
-        let cut = format!("L{right:.1} {TOP:.1}L{right:.1} 148.0L{left:.1} {BOTTOM:.1}Z");
+        let cut = format!("L{right:.1} {top:.1}L{right:.1} 148.0L{left:.1} {bottom:.1}Z");
         assert!(svg.contains(&cut), "{cut} in {svg}");
+    }
+    #[test]
+    fn a_narrow_chart_breaks_its_lines_and_a_small_one_has_no_legend() {
+        let chart = Chart {
+            title: "one word after another ".repeat(4),
+            x_end: 1.0,
+            series: vec![Series {
+                label: "label".into(),
+                note: "note".into(),
+                bold: vec![[0.0, 0.0], [1.0, 1.0]],
+                ..Series::default()
+            }],
+            ..Chart::default()
+        };
+        let titles = |svg: &str| svg.matches("class=\"title\"").count();
+        let (narrow, small) = (chart.svg(Shape::Narrow), chart.svg(Shape::Small));
+        assert_eq!((titles(&narrow), titles(&chart.svg(Shape::Wide))), (3, 1));
+        assert!(
+            narrow.contains(">label<") && narrow.contains(">note<"),
+            "{narrow}"
+        );
+        assert!(
+            !small.contains(">label<") && !small.contains(">note<"),
+            "{small}"
+        );
+    }
+
+    #[test]
+    fn a_style_in_a_page_holds_for_its_own_charts_alone() {
+        let rules = STYLE.replace("@media screen and (prefers-color-scheme:dark){", "");
+        for rule in rules.split('}').filter(|rule| !rule.trim().is_empty()) {
+            assert!(rule.starts_with(".chart "), "{rule}");
+        }
     }
 }

@@ -3,17 +3,16 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{bail, ensure};
+use anyhow::ensure;
 
-use crate::chart::{Chart, Series};
+use crate::chart::{Chart, Series, Shape};
 use crate::folder;
 use crate::groups::{Group, grouped, spread, table};
 use crate::recorded::{self, Recorded};
 
-/// Its rows are single test episodes: 0, or 100 when the goal was reached.
-const SCORE: &str = "rollout/score";
-/// Metrics of this area are single episodes; all others are means already.
-const ROLLOUTS: &str = "rollout/";
+/// Its rows are single test episodes: 0, or 100 when the goal was reached. Those of all others are
+/// means already.
+pub(crate) const SCORE: &str = "rollout/score";
 /// Episodes of a point. One is all or nothing; the standard error of this many is 11 points at most.
 const EPISODES: usize = 20;
 /// Intervals of the common grid, from the start of the runs to the last row of the longest.
@@ -38,28 +37,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         "--out {} is a folder; give the file to write",
         args.out.display()
     );
-    let mut runs: Vec<Recorded> = vec![];
-    let mut seen: Vec<PathBuf> = vec![];
-    for given in &args.runs {
-        let folder = recorded::find(given)?;
-        let real = folder.canonicalize()?;
-        if let Some(i) = seen.iter().position(|other| *other == real) {
-            bail!(
-                "the runs {} and {} are the same folder; give it once",
-                args.runs[i].display(),
-                given.display()
-            );
-        }
-        seen.push(real);
-        let run = Recorded::read(folder, &args.metric)?;
-        if run.left_out > 0 {
-            let (folder, count) = (run.folder.display(), run.left_out);
+    let runs = recorded::all(&args.runs)?;
+    for run in &runs {
+        let metric = run.metric(&args.metric)?;
+        if metric.left_out > 0 {
+            let (folder, count) = (run.folder.display(), metric.left_out);
             eprintln!("formica: {folder}: {count} values that are no number to draw are left out");
         }
-        runs.push(run);
     }
     let groups = grouped(runs);
-    let picture = chart(&groups, &args.metric).svg();
+    let picture = chart(&groups, &args.metric).svg(Shape::Wide);
     folder::write(&args.out, picture.as_bytes())?;
     print!("{}", table(&groups));
     println!("the picture is {}", args.out.display());
@@ -85,16 +72,17 @@ fn resample(rows: &[[f64; 2]], window: usize, grid: &[f64]) -> Vec<Option<f64>> 
         .collect()
 }
 
-fn chart(groups: &[Group], metric: &str) -> Chart {
+/// The chart of a metric; a run that has none of it has no line.
+pub(crate) fn chart(groups: &[Group], metric: &str) -> Chart {
     let runs = || groups.iter().flat_map(|group| &group.runs);
-    let last = |run: &Recorded| run.rows.last().map_or(0.0, |[seconds, _]| *seconds);
+    let last = |run: &Recorded| run.rows(metric).last().map_or(0.0, |[seconds, _]| *seconds);
     let longest = runs().map(last).fold(1.0, f64::max);
     // The share comes first: the last place is then the last row's, to the bit.
     let grid: Vec<f64> = (0..=GRID)
         .map(|i| longest * (i as f64 / GRID as f64))
         .collect();
-    let most = runs().map(|run| run.rows.len()).max().unwrap_or(0);
-    let episodes = metric.starts_with(ROLLOUTS);
+    let most = runs().map(|run| run.rows(metric).len()).max().unwrap_or(0);
+    let episodes = metric == SCORE;
     let least = if episodes { EPISODES } else { 1 };
     // No row may fall between two places of the grid where rows are more than places.
     let window = least.max(most.div_ceil(GRID));
@@ -110,7 +98,7 @@ fn chart(groups: &[Group], metric: &str) -> Chart {
         _ if episodes => format!("mean of the newest {window} episodes"),
         _ => format!("mean of the newest {window} values"),
     };
-    if runs().any(|run| run.rows.len() < window) {
+    if runs().any(|run| (1..window).contains(&run.rows(metric).len())) {
         subtitle += ", or of all if fewer";
     }
     if groups.iter().any(|group| group.runs.len() > 1) {
@@ -129,18 +117,20 @@ fn chart(groups: &[Group], metric: &str) -> Chart {
         y_range: (metric == SCORE).then_some([0.0, 100.0]),
         series: groups
             .iter()
-            .map(|group| series(group, window, &grid, metric == SCORE))
+            .map(|group| series(group, metric, window, &grid))
             .collect(),
     }
 }
 
 /// A group's lines. Its mean and band stand where all of its runs have a value: one that begins
 /// late or ends early would make them jump.
-fn series(group: &Group, window: usize, grid: &[f64], dots: bool) -> Series {
-    let curves: Vec<Vec<Option<f64>>> = group
-        .runs
-        .iter()
-        .map(|run| resample(&run.rows, window, grid))
+fn series(group: &Group, metric: &str, window: usize, grid: &[f64]) -> Series {
+    let runs = || {
+        let runs = group.runs.iter();
+        runs.filter(|run| !run.rows(metric).is_empty())
+    };
+    let curves: Vec<Vec<Option<f64>>> = runs()
+        .map(|run| resample(run.rows(metric), window, grid))
         .collect();
     let mut series = Series {
         label: group.label.clone(),
@@ -156,14 +146,14 @@ fn series(group: &Group, window: usize, grid: &[f64], dots: bool) -> Series {
             series.band.extend(band);
         }
     }
-    for (run, curve) in group.runs.iter().zip(&curves) {
+    for (run, curve) in runs().zip(&curves) {
         let points = curve.iter().enumerate();
         let points = points.filter_map(|(i, value)| value.map(|value| [minutes(i), value]));
         let points: Vec<[f64; 2]> = points.collect();
-        if let (true, Some(score), Some([end, _])) = (dots, run.score, points.last()) {
+        if let (true, Some(score), Some([end, _])) = (metric == SCORE, run.score, points.last()) {
             series.dots.push([*end, score]);
         }
-        if group.runs.len() > 1 {
+        if curves.len() > 1 {
             series.thin.push(points);
         }
     }
@@ -173,6 +163,7 @@ fn series(group: &Group, window: usize, grid: &[f64], dots: bool) -> Series {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recorded::Metric;
 
     #[test]
     fn a_series_is_resampled_to_the_mean_of_its_newest_rows() {
@@ -207,8 +198,14 @@ mod tests {
             seed,
             layout: "large".into(),
             config: std::collections::BTreeMap::new(),
-            rows: rows.map(|(v, i)| [f64::from(i), *v]).collect(),
-            left_out: 0,
+            toml: String::new(),
+            metrics: [SCORE, "low/value_loss"]
+                .map(|name| {
+                    let rows = rows.clone().map(|(v, i)| [f64::from(i), *v]);
+                    let rows = rows.collect();
+                    (name.to_owned(), Metric { rows, left_out: 0 })
+                })
+                .into(),
             score,
         }
     }
@@ -241,7 +238,7 @@ mod tests {
         // Times 200 and divided by 200, the second and the third come out smaller.
         for seconds in [12.3, 248.47588267567355, 107.44303616188411] {
             let mut run = recorded(0, &[100.0], None);
-            run.rows[0][0] = seconds;
+            run.metrics.get_mut(SCORE).unwrap().rows[0][0] = seconds;
             let chart = chart(&grouped(vec![run]), SCORE);
             assert_eq!(chart.series[0].bold.len(), 1, "{seconds}");
             assert!(chart.subtitle.contains("or of all if fewer"));

@@ -6,7 +6,12 @@ use crate::picture::{Picture, WalkedPath};
 use crate::story::{self, Story};
 
 /// Maze, graph, chosen nodes and the path walked, as SVG.
-pub(crate) fn svg(trace: &Trace, story: &Story) -> anyhow::Result<String> {
+pub(crate) fn svg(
+    trace: &Trace,
+    story: &Story,
+    title: String,
+    subtitle: String,
+) -> anyhow::Result<String> {
     let walls = story::layout(trace)?.boxes();
     let graph = &trace.graph;
     let nodes: Vec<[f32; 2]> = story::nodes(trace);
@@ -22,14 +27,8 @@ pub(crate) fn svg(trace: &Trace, story: &Story) -> anyhow::Result<String> {
         .filter_map(|s| u32::try_from(s.subgoal_node).ok());
     let chosen: Vec<u32> = chosen.collect();
     let picture = Picture {
-        title: format!("Episode {} of {}", story.episode, story.run),
-        subtitle: format!(
-            "{} in {} steps; {} of {} subgoals reached",
-            story.outcome,
-            story.steps,
-            story.reached(),
-            story.subgoals.len()
-        ),
+        title,
+        subtitle,
         walls,
         nodes: &nodes,
         edges: &edges,

@@ -16,7 +16,7 @@ impl Group {
         self.runs.iter().map(|run| run.seed).collect()
     }
 
-    fn scores(&self) -> Vec<f64> {
+    pub(crate) fn scores(&self) -> Vec<f64> {
         self.runs.iter().filter_map(|run| run.score).collect()
     }
 
@@ -79,20 +79,23 @@ fn without_number(name: &str) -> &str {
     }
 }
 
+/// The keys whose values are not the same in all groups.
+pub(crate) fn differing<'a>(groups: &[&'a Group]) -> Vec<&'a String> {
+    let configs: Vec<_> = groups.iter().map(|group| &group.runs[0].config).collect();
+    let keys: BTreeSet<&String> = configs.iter().flat_map(|config| config.keys()).collect();
+    let differs = |key: &&String| {
+        configs
+            .iter()
+            .any(|other| other.get(*key) != configs[0].get(*key))
+    };
+    keys.into_iter().filter(differs).collect()
+}
+
 /// The keys in which a group's config is not that of all others, with its own values.
 fn differences(group: &Group, others: &[&Group]) -> String {
-    let keys: BTreeSet<&String> = others
-        .iter()
-        .flat_map(|other| other.runs[0].config.keys())
-        .collect();
-    let value = |group: &Group, key: &String| group.runs[0].config.get(key).cloned();
-    let own: Vec<String> = keys
-        .into_iter()
-        .filter(|key| {
-            let mine = value(group, key);
-            others.iter().any(|other| value(other, key) != mine)
-        })
-        .map(|key| match value(group, key) {
+    let own = differing(others).into_iter();
+    let own: Vec<String> = own
+        .map(|key| match group.runs[0].config.get(key) {
             Some(value) => format!("{key} = {value}"),
             None => format!("no {key}"),
         })
@@ -155,8 +158,8 @@ mod tests {
             seed,
             layout: "large".to_owned(),
             config: config.map(|(key, value)| (key.to_owned(), value)).into(),
-            rows: vec![],
-            left_out: 0,
+            toml: String::new(),
+            metrics: crate::recorded::Metrics::new(),
             score,
         }
     }

@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use anyhow::{Context, bail, ensure};
 use trace::Trace;
 
+use crate::episode_picture;
 use crate::floor_plan::floor_plan;
 use crate::story::{self, Story, Subgoal};
 use crate::table::aligned;
@@ -123,7 +124,15 @@ pub(crate) fn search(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> a
 }
 
 fn draw(trace: &Trace, story: &Story, path: &Path) -> anyhow::Result<()> {
-    let picture = crate::episode_picture::svg(trace, story)?;
+    let title = format!("Episode {} of {}", story.episode, story.run);
+    let subtitle = format!(
+        "{} in {} steps; {} of {} subgoals reached",
+        story.outcome,
+        story.steps,
+        story.reached(),
+        story.subgoals.len()
+    );
+    let picture = episode_picture::svg(trace, story, title, subtitle)?;
     fs::write(path, picture).with_context(|| format!("writing {}", path.display()))
 }
 

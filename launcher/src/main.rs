@@ -24,6 +24,7 @@ mod progress;
 mod recorded;
 mod recovery;
 mod replay;
+mod report;
 mod role;
 mod saved;
 mod score;
@@ -94,6 +95,8 @@ enum Command {
         #[arg(long)]
         out: Option<PathBuf>,
     },
+    /// Everything that runs have left, as one page: scores, curves, graph, paths, stages, config
+    Report(report::Args),
     /// Look at this machine, and clear what dead runs left in shared memory
     Doctor,
     /// An actor of a run (started by launch)
@@ -168,6 +171,7 @@ fn main() -> ExitCode {
         Command::Watch(args) => watch::run(&args),
         Command::Replay { trace } => replay::run(&trace),
         Command::Recover { trace, out } => recovery::run(&trace, out.as_deref()),
+        Command::Report(args) => report::run(&args),
         Command::Doctor => doctor::doctor(),
         Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),
         Command::Learner(args) => role::run(|stop| learner::run(&args, stop)),

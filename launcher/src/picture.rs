@@ -6,17 +6,17 @@ use std::fmt::Write;
 use crate::markup::{escaped, text, wrapped};
 
 /// Everything is in pixels of a picture this wide: a phone's, so that its text stays readable there.
-const WIDTH: f64 = 420.0;
+const WIDTH: f64 = 400.0;
 const MARGIN: f64 = 14.0;
 /// A map is no higher, however narrow it is.
 const MAP_HEIGHT: f64 = 460.0;
 /// Characters of a line of title and subtitle.
-const TITLE: usize = 44;
-const SUBTITLE: usize = 64;
+const TITLE: usize = 42;
+const SUBTITLE: usize = 60;
 const LEGEND_ROW: f64 = 22.0;
 /// Of a letter of the legend, and of the sign before its words.
 const LETTER: f64 = 7.0;
-const SIGN: f64 = 26.0;
+const SIGN: f64 = 24.0;
 /// What an ant never walks in a step (m): beyond it a path was teleported, and no line is drawn.
 const JUMP: f64 = 4.0;
 
@@ -321,7 +321,7 @@ impl Picture<'_> {
                 }
             }
             text(svg, [x + SIGN, y], "", word);
-            x += width + 16.0;
+            x += width + 12.0;
         }
         self.ruler(svg, frame, [x, y])
     }

@@ -1,6 +1,6 @@
-//! What a run has left in its folder, read back: config, one metric, score.
+//! What a run has left in its folder, read back: config, metrics, score.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -11,6 +11,18 @@ use crate::progress::METRICS_HEADER;
 /// Values beyond it are a divergence that no axis shows; their squares would overflow.
 const DRAWABLE: f64 = 1e100;
 
+/// A metric as read.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Metric {
+    /// Seconds since the start and value of each row, in the order of time.
+    pub(crate) rows: Vec<[f64; 2]>,
+    /// Rows that are left out: not a number, or beyond what can be drawn.
+    pub(crate) left_out: usize,
+}
+
+/// All of a run, by name.
+pub(crate) type Metrics = BTreeMap<String, Metric>;
+
 /// A run as read.
 pub(crate) struct Recorded {
     pub(crate) folder: PathBuf,
@@ -19,39 +31,73 @@ pub(crate) struct Recorded {
     pub(crate) layout: String,
     /// `table.key` and value, but for the run's name and seed.
     pub(crate) config: BTreeMap<String, String>,
-    /// Seconds since the start and value of each row of the metric, in the order of time.
-    pub(crate) rows: Vec<[f64; 2]>,
-    /// Rows that are left out: not a number, or beyond what can be drawn.
-    pub(crate) left_out: usize,
+    /// The config's text.
+    pub(crate) toml: String,
+    /// None where the run has told nothing yet.
+    pub(crate) metrics: Metrics,
     /// Of the evaluation, once it is over.
     pub(crate) score: Option<f64>,
 }
 
 impl Recorded {
-    /// Reads what is drawn of a run.
-    pub(crate) fn read(folder: PathBuf, metric: &str) -> anyhow::Result<Self> {
+    /// Reads a run. What it has not written yet is empty, what is damaged an error.
+    pub(crate) fn read(folder: PathBuf) -> anyhow::Result<Self> {
         let path = folder.join("config.toml");
-        let text = fs::read_to_string(&path).with_context(|| reading(&path))?;
-        let (name, seed, layout, config) = parse_config(&text, &path)?;
+        let toml = fs::read_to_string(&path).with_context(|| reading(&path))?;
+        let (name, seed, layout, config) = parse_config(&toml, &path)?;
         let path = folder.join("metrics.csv");
-        let bytes = fs::read(&path).with_context(|| reading(&path))?;
-        let (rows, left_out) = parse_metrics(&bytes, &path, metric)?;
-        let path = folder.join("score.json");
-        let score = match fs::read(&path) {
-            Ok(bytes) => Some(parse_score(&bytes, &path)?),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
-            Err(error) => return Err(error).with_context(|| reading(&path)),
+        let metrics = match if_there(&path)? {
+            Some(bytes) => parse_metrics(&bytes, &path)?,
+            None => Metrics::new(),
         };
+        let path = folder.join("score.json");
+        let score = if_there(&path)?.map(|bytes| parse_score(&bytes, &path));
         Ok(Self {
+            score: score.transpose()?,
             folder,
             name,
             seed,
             layout,
             config,
-            rows,
-            left_out,
-            score,
+            toml,
+            metrics,
         })
+    }
+
+    /// The rows of a metric; none where it has none.
+    pub(crate) fn rows(&self, metric: &str) -> &[[f64; 2]] {
+        let metric = self.metrics.get(metric);
+        metric.map_or(&[], |metric| &metric.rows)
+    }
+
+    /// The metric, or why it cannot be drawn.
+    pub(crate) fn metric(&self, name: &str) -> anyhow::Result<&Metric> {
+        let path = self.folder.join("metrics.csv");
+        fs::metadata(&path).with_context(|| reading(&path))?;
+        let path = path.display();
+        match self.metrics.get(name) {
+            Some(metric) if !metric.rows.is_empty() => Ok(metric),
+            Some(metric) => {
+                let count = metric.left_out;
+                bail!("{path} has {count} rows of {name}, none of which is a number to draw")
+            }
+            None if self.metrics.is_empty() => {
+                bail!("{path} has no row at all yet; wait until the run has told something")
+            }
+            None => {
+                let others: Vec<&str> = self.metrics.keys().map(String::as_str).collect();
+                bail!("{path} has no row of {name}; it has {}", others.join(", "))
+            }
+        }
+    }
+}
+
+/// A file's bytes; none where there is no such file.
+pub(crate) fn if_there(path: &Path) -> anyhow::Result<Option<Vec<u8>>> {
+    match fs::read(path) {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error).with_context(|| reading(path)),
     }
 }
 
@@ -72,6 +118,25 @@ pub(crate) fn find(given: &Path) -> anyhow::Result<PathBuf> {
             under.display()
         ),
     }
+}
+
+/// The runs that were given, each once.
+pub(crate) fn all(given: &[PathBuf]) -> anyhow::Result<Vec<Recorded>> {
+    let (mut runs, mut seen): (Vec<Recorded>, Vec<PathBuf>) = (vec![], vec![]);
+    for name in given {
+        let folder = find(name)?;
+        let real = folder.canonicalize().with_context(|| reading(&folder))?;
+        if let Some(i) = seen.iter().position(|other| *other == real) {
+            bail!(
+                "the runs {} and {} are the same folder; give it once",
+                given[i].display(),
+                name.display()
+            );
+        }
+        seen.push(real);
+        runs.push(Recorded::read(folder)?);
+    }
+    Ok(runs)
 }
 
 /// Name, seed, layout of the maze, and all but name and seed.
@@ -111,17 +176,13 @@ fn parse_config(
     Ok((name, seed, layout.to_owned(), config))
 }
 
-/// The rows of a metric, and how many of them cannot be drawn. What follows the last line's end is
-/// a line that is being written, or that a full disk cut: even where it parses it may lack digits.
-fn parse_metrics(
-    bytes: &[u8],
-    path: &Path,
-    metric: &str,
-) -> anyhow::Result<(Vec<[f64; 2]>, usize)> {
+/// Every metric. What follows the last line's end is a line that is being written, or that a full
+/// disk cut: even where it parses it may lack digits.
+fn parse_metrics(bytes: &[u8], path: &Path) -> anyhow::Result<Metrics> {
     let path = path.display();
     let end = bytes.iter().rposition(|byte| *byte == b'\n').unwrap_or(0);
     let mut lines = bytes[..end].split(|byte| *byte == b'\n').enumerate();
-    let (mut rows, mut left_out, mut others) = (vec![], 0, BTreeSet::new());
+    let mut metrics = Metrics::new();
     if let Some((_, header)) = lines.next().filter(|(_, header)| !header.is_empty()) {
         ensure!(
             header == METRICS_HEADER.as_bytes(),
@@ -139,27 +200,20 @@ fn parse_metrics(
                 shown.escape_debug()
             );
         };
-        if name != metric {
-            if !others.contains(name) {
-                others.insert(name.to_owned());
+        if !metrics.contains_key(name) {
+            metrics.insert(name.to_owned(), Metric::default());
+        }
+        if let Some(metric) = metrics.get_mut(name) {
+            match value.abs() <= DRAWABLE {
+                true => metric.rows.push([seconds, value]),
+                false => metric.left_out += 1,
             }
-        } else if value.abs() <= DRAWABLE {
-            rows.push([seconds, value]);
-        } else {
-            left_out += 1;
         }
     }
-    if rows.is_empty() {
-        let others: Vec<String> = others.into_iter().collect();
-        let reason = match (left_out, others.is_empty()) {
-            (0, true) => "no row at all yet; wait until the run has told something".to_owned(),
-            (0, false) => format!("no row of {metric}; it has {}", others.join(", ")),
-            _ => format!("{left_out} rows of {metric}, none of which is a number to draw"),
-        };
-        bail!("{path} has {reason}");
+    for metric in metrics.values_mut() {
+        metric.rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
     }
-    rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    Ok((rows, left_out))
+    Ok(metrics)
 }
 
 /// Seconds, name and value of a line.
@@ -188,16 +242,24 @@ fn parse_score(bytes: &[u8], path: &Path) -> anyhow::Result<f64> {
 mod tests {
     use super::*;
 
-    fn metrics(lines: &str) -> Result<(Vec<[f64; 2]>, usize), String> {
+    fn metrics(lines: &str) -> Result<Metrics, String> {
         let text = format!("{METRICS_HEADER}\n{lines}");
         let path = Path::new("m.csv");
-        parse_metrics(text.as_bytes(), path, "a/b").map_err(|error| error.to_string())
+        parse_metrics(text.as_bytes(), path).map_err(|error| error.to_string())
+    }
+
+    fn metric(rows: &[[f64; 2]], left_out: usize) -> Metric {
+        let rows = rows.to_vec();
+        Metric { rows, left_out }
     }
 
     #[test]
-    fn rows_of_the_metric_are_read_in_the_order_of_time() {
+    fn rows_of_every_metric_are_read_in_the_order_of_time() {
         let lines = "2.0,actor,0,a/b,5,100\n1.5,learner,0,a/c,1,7\n1.0,actor,1,a/b,4,0\n";
-        assert_eq!(metrics(lines), Ok((vec![[1.0, 0.0], [2.0, 100.0]], 0)));
+        let metrics = metrics(lines).unwrap();
+        assert_eq!(metrics["a/b"], metric(&[[1.0, 0.0], [2.0, 100.0]], 0));
+        assert_eq!(metrics["a/c"], metric(&[[1.5, 7.0]], 0));
+        assert_eq!(metrics.len(), 2);
     }
 
     #[test]
@@ -213,7 +275,7 @@ mod tests {
             "1.0,actor,0,,1,100\n",
             "\n",
         ] {
-            // Of another metric or the last, a line that ends is whole.
+            // The last one too: a line that ends is whole.
             for lines in [
                 format!("{whole}{damaged}{whole}"),
                 format!("{whole}{damaged}"),
@@ -224,27 +286,44 @@ mod tests {
         }
         // The last one parses, but the file may hold 100 when it is written to its end.
         for cut in ["2.", "2.0,actor,0,a", "2.0,actor,0,a/b,2,10"] {
-            let rows = metrics(&format!("{whole}{cut}"));
-            assert_eq!(rows, Ok((vec![[1.0, 100.0]], 0)), "{cut}");
+            let metrics = metrics(&format!("{whole}{cut}")).unwrap();
+            assert_eq!(metrics["a/b"], metric(&[[1.0, 100.0]], 0), "{cut}");
         }
+        let error = parse_metrics(b"x,y\n1,2\n", Path::new("m.csv")).unwrap_err();
+        assert!(error.to_string().starts_with("m.csv:1: "), "{error}");
     }
 
     #[test]
     fn a_metric_without_a_row_is_named_with_those_that_have_some() {
-        let error = metrics("1.0,learner,0,a/c,1,7\n").unwrap_err();
-        assert_eq!(error, "m.csv has no row of a/b; it has a/c");
-        let error = metrics("").unwrap_err();
-        assert!(error.contains("no row at all yet"), "{error}");
-        let error = metrics("1.0,learner,0,a/b,1,NaN\n").unwrap_err();
-        assert!(error.contains("1 rows of a/b, none"), "{error}");
-        let error = parse_metrics(b"x,y\n1,2\n", Path::new("m.csv"), "a/b").unwrap_err();
-        assert!(error.to_string().starts_with("m.csv:1: "), "{error}");
+        let folder = tempfile::tempdir().unwrap();
+        let config = "[run]\nname = 'n'\nseed = 3\n[maze]\nlayout = 'large'\n";
+        fs::write(folder.path().join("config.toml"), config).unwrap();
+        let error = |lines: Option<&str>| {
+            if let Some(lines) = lines {
+                let text = format!("{METRICS_HEADER}\n{lines}");
+                fs::write(folder.path().join("metrics.csv"), text).unwrap();
+            }
+            let run = Recorded::read(folder.path().to_owned()).unwrap();
+            assert!(run.rows("a/b").is_empty());
+            format!("{:#}", run.metric("a/b").unwrap_err())
+        };
+        let told = error(None);
+        assert!(told.contains("metrics.csv: No such file"), "{told}");
+        let told = error(Some("1.0,learner,0,a/c,1,7\n"));
+        assert!(
+            told.ends_with("metrics.csv has no row of a/b; it has a/c"),
+            "{told}"
+        );
+        let told = error(Some(""));
+        assert!(told.contains("no row at all yet"), "{told}");
+        let told = error(Some("1.0,learner,0,a/b,1,NaN\n"));
+        assert!(told.contains("1 rows of a/b, none"), "{told}");
     }
 
     #[test]
     fn what_is_no_number_is_left_out_and_counted() {
         let lines = "1.0,l,0,a/b,1,NaN\n2.0,l,0,a/b,2,3\n3.0,l,0,a/b,3,-inf\n";
-        assert_eq!(metrics(lines), Ok((vec![[2.0, 3.0]], 2)));
+        assert_eq!(metrics(lines).unwrap()["a/b"], metric(&[[2.0, 3.0]], 2));
     }
 
     #[test]

@@ -23,17 +23,86 @@ pub(crate) struct Times {
 /// Newest value of each metric, by name.
 pub(crate) type Newest = BTreeMap<String, f64>;
 
+/// Who does the work of the stages.
+pub(crate) struct Choices {
+    latent: Latent,
+    encoder_from: bool,
+    controller: Controller,
+    low_from: bool,
+    planner: Planner,
+}
+
+impl Choices {
+    fn of(config: &Config) -> Self {
+        Self {
+            latent: config.encoder.kind,
+            encoder_from: config.encoder.from.is_some(),
+            controller: config.low.controller,
+            low_from: config.low.from.is_some(),
+            planner: config.high.planner,
+        }
+    }
+
+    /// Of a run that another version of formica may have made: by `table.key`, in TOML.
+    pub(crate) fn recorded(config: &BTreeMap<String, String>) -> Self {
+        let is = |key: &str, value: &str| {
+            let text = config.get(key);
+            text.is_some_and(|text| text.trim_matches(['"', '\'']) == value)
+        };
+        Self {
+            latent: match is("encoder.kind", "place") {
+                true => Latent::Place,
+                false => Latent::Vae,
+            },
+            encoder_from: config.contains_key("encoder.from"),
+            controller: match is("low.controller", "walker") {
+                true => Controller::Walker,
+                false => Controller::Learned,
+            },
+            low_from: config.contains_key("low.from"),
+            planner: match is("high.planner", "search") {
+                true => Planner::Search,
+                false => Planner::Learned,
+            },
+        }
+    }
+}
+
+/// What is told of a stage.
+pub(crate) struct Stage {
+    pub(crate) name: &'static str,
+    /// What it took, where that is known (s).
+    pub(crate) seconds: Option<f64>,
+    pub(crate) told: String,
+}
+
 /// A line for each stage.
 pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
+    let mut text = String::new();
+    for stage in stages(&Choices::of(config), newest, times) {
+        let seconds = match stage.seconds {
+            Some(seconds) => format!("{seconds:.0} s"),
+            None => "-".to_owned(),
+        };
+        let _ = writeln!(text, "{:<9}{seconds:>8}  {}", stage.name, stage.told);
+    }
+    text.trim_end().to_owned()
+}
+
+/// Every stage, and all of them together.
+pub(crate) fn stages(choices: &Choices, newest: &Newest, times: &Times) -> Vec<Stage> {
     let get = |name: &str| newest.get(name).copied().unwrap_or(f64::NAN);
     let percent = |name: &str| 100.0 * get(name);
-    let mut text = String::new();
-    let mut line = |stage: &str, seconds: f64, told: String| {
-        let seconds = match seconds.is_finite() {
-            true => format!("{seconds:.0} s"),
-            false => "-".to_owned(),
-        };
-        let _ = writeln!(text, "{stage:<9}{seconds:>8}  {told}");
+    let mut stages = vec![];
+    let mut line = |name: &'static str, seconds: f64, told: String| {
+        let seconds = Some(seconds).filter(|seconds| seconds.is_finite());
+        // What was not measured is no number.
+        let told = told.replace("NaN", "-");
+        stages.push(Stage {
+            name,
+            seconds,
+            told,
+        });
     };
     line(
         "data",
@@ -45,9 +114,9 @@ pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
             percent("data/start_to_goal"),
         ),
     );
-    let encoder = match config.encoder.kind {
+    let encoder = match choices.latent {
         Latent::Place => "latents are the places".to_owned(),
-        Latent::Vae if config.encoder.from.is_some() => "of another run".to_owned(),
+        Latent::Vae if choices.encoder_from => "of another run".to_owned(),
         Latent::Vae => format!(
             "places come back within {:.2} m, reconstruction {:.4}, KL {:.2} nats",
             get("encoder/place_error_m"),
@@ -70,9 +139,9 @@ pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
             percent("graph/edge_success"),
         ),
     );
-    let low = match config.low.controller {
+    let low = match choices.controller {
         Controller::Walker => "the walker walks; ".to_owned(),
-        Controller::Learned if config.low.from.is_some() => "of another run; ".to_owned(),
+        Controller::Learned if choices.low_from => "of another run; ".to_owned(),
         Controller::Learned => format!(
             "policy loss {:.3}, mean weight {:.2}; ",
             get("low/policy_loss"),
@@ -88,7 +157,7 @@ pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
             "{low}{reached:.1}% of neighbours reached, in {over:.2} times the data's best time"
         ),
     );
-    let high = match config.high.planner {
+    let high = match choices.planner {
         Planner::Search => "a search plans".to_owned(),
         Planner::Learned => format!(
             "return {:.3}, entropy {:.2} nats, clip fraction {:.3}, KL {:.4}; greedy paths \
@@ -109,15 +178,17 @@ pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
         collect,
     } = times;
     let all = *collect + *train + *rollouts + *evaluate;
-    let _ = write!(
-        text,
-        "time     {:>6.0} s  {:.0} s until trained, {:.0} s of rollouts, {:.0} s of evaluation",
+    line(
+        "time",
         all.as_secs_f64(),
-        train.as_secs_f64(),
-        rollouts.as_secs_f64(),
-        evaluate.as_secs_f64()
+        format!(
+            "{:.0} s until trained, {:.0} s of rollouts, {:.0} s of evaluation",
+            train.as_secs_f64(),
+            rollouts.as_secs_f64(),
+            evaluate.as_secs_f64()
+        ),
     );
-    text
+    stages
 }
 
 /// The same for programs.

@@ -167,11 +167,16 @@ pub(crate) fn nodes(trace: &Trace) -> Vec<[f32; 2]> {
     places.map(|(x, y)| [*x, *y]).collect()
 }
 
-/// The maze of an episode, by the config that its trace holds. Of that only `[maze]` is read, so
-/// that traces of other versions can be looked at.
+/// The maze of an episode, by the config that its trace holds.
 pub(crate) fn layout(trace: &Trace) -> anyhow::Result<Layout> {
-    let told = "the config.toml that the trace holds does not tell a maze";
-    let config: toml::Table = toml::from_str(&trace.meta.config_toml).context(told)?;
+    layout_of(&trace.meta.config_toml).context("the config.toml that the trace holds")
+}
+
+/// The maze of a config. Of that only `[maze]` is read, so that what other versions wrote can be
+/// looked at.
+pub(crate) fn layout_of(config: &str) -> anyhow::Result<Layout> {
+    let told = "it tells no maze";
+    let config: toml::Table = toml::from_str(config).context(told)?;
     let maze = config.get("maze").and_then(toml::Value::as_table);
     let maze = maze.context(told)?;
     let name = maze.get("layout").and_then(toml::Value::as_str);
@@ -180,7 +185,7 @@ pub(crate) fn layout(trace: &Trace) -> anyhow::Result<Layout> {
     let rows: Vec<String> = rows
         .filter_map(|row| row.as_str().map(str::to_owned))
         .collect();
-    Layout::of(name.context(told)?, &rows).context(told)
+    Ok(Layout::of(name.context(told)?, &rows)?)
 }
 
 #[cfg(test)]

@@ -61,7 +61,9 @@ fn newest(traces: &Path) -> Option<PathBuf> {
     let mut paths = vec![];
     // A run that has just begun has no folder of traces yet.
     let _ = inspect::search(traces, 1, &mut paths);
-    let whole = paths.into_iter().filter(|p| p.extension().is_some_and(|e| e == "mcap"));
+    let whole = paths
+        .into_iter()
+        .filter(|p| p.extension().is_some_and(|e| e == "mcap"));
     let time = |path: &PathBuf| {
         let about = std::fs::metadata(path).and_then(|about| about.modified());
         about.unwrap_or(SystemTime::UNIX_EPOCH)

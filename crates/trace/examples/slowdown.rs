@@ -3,6 +3,7 @@
 //! `cargo run --release -p trace --example slowdown [THREADS]`: with as many threads as cores every
 //! core is busy, so that the writers' work shows as well.
 
+use std::path::{Path, PathBuf};
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
 
@@ -28,10 +29,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::temp_dir().join(format!("formica-slowdown-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let barrier = Barrier::new(threads);
+    let layout = Layout::named("large")?;
+    let recorder = || Recorder::new(|told| eprintln!("{told}"));
+    let recorders: Vec<Recorder> = (0..threads).map(|_| recorder()).collect::<Result<_, _>>()?;
     let ratios: Vec<Vec<[Duration; 2]>> = std::thread::scope(|scope| {
-        let (folder, barrier) = (&folder, &barrier);
-        let simulate = |id: usize| scope.spawn(move || turns(id, folder, barrier));
-        let handles: Vec<_> = (0..threads).map(simulate).collect();
+        let (folder, barrier, layout) = (&folder, &barrier, &layout);
+        let simulate = |(id, recorder): (usize, Recorder)| {
+            scope.spawn(move || turns(id, recorder, layout, folder, barrier))
+        };
+        let handles: Vec<_> = recorders.into_iter().enumerate().map(simulate).collect();
         handles.into_iter().filter_map(|h| h.join().ok()).collect()
     });
     std::fs::remove_dir_all(&folder)?;
@@ -60,11 +66,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// Time of each turn, without and with traces.
-fn turns(id: usize, folder: &std::path::Path, barrier: &Barrier) -> Vec<[Duration; 2]> {
-    let layout = Layout::named("large").unwrap_or_else(|error| panic!("{error}"));
-    let mut ant = AntMaze::new(&layout, Physics::MAZE);
-    let mut recorder =
-        Recorder::new(|told| eprintln!("{told}")).unwrap_or_else(|error| panic!("{error}"));
+fn turns(
+    id: usize,
+    mut recorder: Recorder,
+    layout: &Layout,
+    folder: &Path,
+    barrier: &Barrier,
+) -> Vec<[Duration; 2]> {
+    let mut ant = AntMaze::new(layout, Physics::MAZE);
     let mut turns = vec![];
     for turn in 0..=TURNS {
         let mut times = [Duration::ZERO; 2];
@@ -76,7 +85,7 @@ fn turns(id: usize, folder: &std::path::Path, barrier: &Barrier) -> Vec<[Duratio
                 let name = format!("{id}-{episode}.mcap");
                 play(
                     &mut ant,
-                    &layout,
+                    layout,
                     &mut rng,
                     with.then(|| (&mut recorder, folder.join(name))),
                 );
@@ -95,7 +104,7 @@ fn play(
     ant: &mut AntMaze,
     layout: &Layout,
     rng: &mut Pcg64Mcg,
-    mut traced: Option<(&mut Recorder, std::path::PathBuf)>,
+    mut traced: Option<(&mut Recorder, PathBuf)>,
 ) {
     let start = ant.reset([0.0, 0.0], rng);
     if let Some((recorder, path)) = &mut traced {

@@ -6,7 +6,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use foxglove::{ChannelBuilder, Context, PartialMetadata, RawChannel, WebSocketServer, WebSocketServerHandle};
+use foxglove::{
+    ChannelBuilder, Context, PartialMetadata, RawChannel, WebSocketServer, WebSocketServerHandle,
+};
 use mcap::records::Record;
 
 use crate::TraceError;
@@ -83,7 +85,9 @@ impl Server {
         // Time may go back from one trace to the next.
         self.handle.clear_session(None);
         let mut counts = [0; Topic::ALL.len()];
-        messages.iter().for_each(|Timed(topic, ..)| counts[*topic] += 1);
+        messages
+            .iter()
+            .for_each(|Timed(topic, ..)| counts[*topic] += 1);
         let once = |topic: usize| counts[topic] == 1 && Topic::ALL[topic] != Topic::End;
         let start = Instant::now();
         let mut told = start;

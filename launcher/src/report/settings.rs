@@ -1,0 +1,56 @@
+//! The configs of the runs, and the keys in which groups differ.
+
+use super::page::{Column, Row, folded, paragraph, table};
+use crate::groups::{Group, differing};
+use crate::markup::escaped;
+
+pub(crate) fn section(groups: &[Group]) -> String {
+    let mut body = String::new();
+    if groups.len() > 1 {
+        let all: Vec<&Group> = groups.iter().collect();
+        let keys = differing(&all);
+        let mut columns = vec![("Key", Column::Text)];
+        columns.extend(
+            groups
+                .iter()
+                .map(|group| (group.label.as_str(), Column::Text)),
+        );
+        let rows: Vec<Row> = keys
+            .into_iter()
+            .map(|key| {
+                let value = |group: &Group| group.runs[0].config.get(key).cloned();
+                let cells = groups
+                    .iter()
+                    .map(|group| value(group).unwrap_or("–".to_owned()));
+                Row {
+                    head: key.clone(),
+                    cells: cells.collect(),
+                    sums_up: false,
+                }
+            })
+            .collect();
+        body += &paragraph("Keys in which the groups differ:");
+        body += &table("Keys in which the groups differ", &columns, &rows);
+    }
+    for group in groups {
+        let Some(run) = group.runs.first() else {
+            continue;
+        };
+        let others: Vec<&str> = group.runs[1..]
+            .iter()
+            .map(|run| run.name.as_str())
+            .collect();
+        let summary = match others.as_slice() {
+            [] => format!("config.toml of {}", run.name),
+            _ => format!(
+                "config.toml of {}; but for name and seed that of {} too",
+                run.name,
+                others.join(", ")
+            ),
+        };
+        let text: Vec<String> = run.toml.lines().map(escaped).collect();
+        let text = format!("<pre tabindex=\"0\">{}</pre>\n", text.join("\n"));
+        body += &folded(&summary, false, &text);
+    }
+    body
+}
