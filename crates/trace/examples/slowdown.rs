@@ -1,11 +1,11 @@
-//! What a trace costs the simulation that is traced: steps a second without and with one, in turns.
+//! What a trace costs the simulation that is traced, in processor time: of the simulating thread
+//! without and with one, in turns, and of the thread that writes.
 //!
-//! `cargo run --release -p trace --example slowdown [THREADS]`: with as many threads as cores every
-//! core is busy, so that the writers' work shows as well.
+//! `cargo run --release -p trace --example slowdown [THREADS]`. Processor time (Linux: schedstat)
+//! tells the same whatever else the machine is doing. Where no core is free for the writers, a
+//! simulation waits for them too: the sum of both is the bound.
 
 use std::path::{Path, PathBuf};
-use std::sync::Barrier;
-use std::time::{Duration, Instant};
 
 use maze::{AntMaze, Layout, Physics};
 use rand::{RngExt, SeedableRng};
@@ -21,83 +21,99 @@ const TURNS: usize = 15;
 /// Steps between choices.
 const CHOICE: u32 = 15;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let threads = match std::env::args().nth(1) {
-        Some(threads) => threads.parse()?,
-        None => 1,
-    };
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> Result<(), Failure> {
     let folder = std::env::temp_dir().join(format!("formica-slowdown-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
-    let barrier = Barrier::new(threads);
     let layout = Layout::named("large")?;
-    let recorder = || Recorder::new(|told| eprintln!("{told}"));
-    let recorders: Vec<Recorder> = (0..threads).map(|_| recorder()).collect::<Result<_, _>>()?;
-    let ratios: Vec<Vec<[Duration; 2]>> = std::thread::scope(|scope| {
-        let (folder, barrier, layout) = (&folder, &barrier, &layout);
-        let simulate = |(id, recorder): (usize, Recorder)| {
-            scope.spawn(move || turns(id, recorder, layout, folder, barrier))
-        };
-        let handles: Vec<_> = recorders.into_iter().enumerate().map(simulate).collect();
-        handles.into_iter().filter_map(|h| h.join().ok()).collect()
-    });
+    let mut ant = AntMaze::new(&layout, Physics::MAZE);
+    let (mut simulating, mut writing) = (vec![], vec![]);
+    // The first turn warms up.
+    for turn in 0..=TURNS {
+        let without = turn_of(&mut ant, &layout, None)?;
+        let mut recorder = Recorder::new(|told| eprintln!("{told}"))?;
+        let before = processor_seconds("/proc/self")?;
+        let own = processor_seconds("/proc/thread-self")?;
+        let with = turn_of(&mut ant, &layout, Some((&mut recorder, &folder)))?;
+        let all = processor_seconds("/proc/self")? - before;
+        let own = processor_seconds("/proc/thread-self")? - own;
+        if turn > 0 {
+            simulating.push([without, with]);
+            writing.push((all - own) / without);
+        }
+    }
     std::fs::remove_dir_all(&folder)?;
-    for (id, turns) in ratios.iter().enumerate() {
-        let rate = |which: usize| {
-            let mut seconds: Vec<f64> = turns.iter().map(|t| t[which].as_secs_f64()).collect();
-            seconds.sort_by(f64::total_cmp);
-            f64::from(STEPS * EPISODES) / seconds[seconds.len() / 2]
-        };
-        let mut slower: Vec<f64> = turns
+    let median = |mut values: Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        [values[TURNS / 4], values[TURNS / 2], values[TURNS * 3 / 4]]
+    };
+    let steps = f64::from(STEPS * EPISODES);
+    let [_, rate, _] = median(
+        simulating
             .iter()
-            .map(|[without, with]| 100.0 * (with.as_secs_f64() / without.as_secs_f64() - 1.0))
-            .collect();
-        slower.sort_by(f64::total_cmp);
-        println!(
-            "thread {id}: {:.0} steps/s without a trace, {:.0} with one; slower by {:.2}% (median \
-             of {TURNS} turns, quartiles {:.2} and {:.2})",
-            rate(0),
-            rate(1),
-            slower[TURNS / 2],
-            slower[TURNS / 4],
-            slower[TURNS * 3 / 4]
-        );
+            .map(|[without, _]| without / steps)
+            .collect(),
+    );
+    println!("simulation: {:.1} us a step", 1e6 * rate);
+    let slower = simulating
+        .iter()
+        .map(|[without, with]| with / without - 1.0);
+    for (told, shares) in [
+        ("slower by", slower.collect()),
+        ("the writer takes, of the simulation's time,", writing),
+    ] {
+        let [low, middle, high] = median(shares).map(|share| 100.0 * share);
+        println!("{told} {middle:.2}% (quartiles {low:.2}, {high:.2}; {TURNS} turns)");
     }
     Ok(())
 }
 
-/// Time of each turn, without and with traces.
-fn turns(
-    id: usize,
-    mut recorder: Recorder,
-    layout: &Layout,
-    folder: &Path,
-    barrier: &Barrier,
-) -> Vec<[Duration; 2]> {
-    let mut ant = AntMaze::new(layout, Physics::MAZE);
-    let mut turns = vec![];
-    for turn in 0..=TURNS {
-        let mut times = [Duration::ZERO; 2];
-        for (with, time) in [false, true].into_iter().zip(&mut times) {
-            barrier.wait();
-            let start = Instant::now();
-            for episode in 0..EPISODES {
-                let mut rng = Pcg64Mcg::seed_from_u64(u64::from(episode));
-                let name = format!("{id}-{episode}.mcap");
-                play(
-                    &mut ant,
-                    layout,
-                    &mut rng,
-                    with.then(|| (&mut recorder, folder.join(name))),
-                );
-            }
-            *time = start.elapsed();
-        }
-        // The first turn warms up.
-        if turn > 0 {
-            turns.push(times);
-        }
+/// Processor time that a process or thread has had (s).
+fn processor_seconds(of: &str) -> Result<f64, Failure> {
+    // Of a process the file tells its first thread alone.
+    let files: Vec<PathBuf> = match of {
+        "/proc/self" => std::fs::read_dir("/proc/self/task")?
+            .flatten()
+            .map(|task| task.path().join("schedstat"))
+            .collect(),
+        _ => vec![Path::new(of).join("schedstat")],
+    };
+    let mut nanoseconds = 0.0;
+    for file in files {
+        let text = std::fs::read_to_string(file)?;
+        let first = text.split(' ').next().unwrap_or_default();
+        nanoseconds += first.parse::<f64>()?;
     }
-    turns
+    Ok(1e-9 * nanoseconds)
+}
+
+/// Plays some episodes and waits until their traces are written; processor time that this thread
+/// took to play (s).
+fn turn_of(
+    ant: &mut AntMaze,
+    layout: &Layout,
+    mut traced: Option<(&mut Recorder, &PathBuf)>,
+) -> Result<f64, Failure> {
+    let start = processor_seconds("/proc/thread-self")?;
+    for episode in 0..EPISODES {
+        let mut rng = Pcg64Mcg::seed_from_u64(u64::from(episode));
+        let traced = traced.as_mut().map(|(recorder, folder)| {
+            let path = folder.join(format!("{episode}.mcap"));
+            (&mut **recorder, path)
+        });
+        play(ant, layout, &mut rng, traced);
+    }
+    let took = processor_seconds("/proc/thread-self")? - start;
+    if let Some((recorder, folder)) = &mut traced {
+        // The last file is there when all before it is written.
+        let last = folder.join(format!("{}.mcap", EPISODES - 1));
+        while recorder.is_open() || !last.exists() {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        std::fs::remove_file(last)?;
+    }
+    Ok(took)
 }
 
 fn play(

@@ -1,17 +1,22 @@
 //! Traces written by a thread of their own, so that whoever simulates never waits for a disk.
 
 use std::path::PathBuf;
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender, TrySendError};
+use std::sync::mpsc::{self, Receiver, SyncSender, TryRecvError, TrySendError};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
 use crate::scene::Scene;
-use crate::write::{EpisodeWriter, FLUSH};
+use crate::write::EpisodeWriter;
 use crate::{EpisodeMeta, TraceError};
 
 /// Places in the queue, allocated once: more than four episodes.
 const QUEUE: usize = 4096;
+/// The thread is woken for so many records at a time: to wake it for each would cost the simulation
+/// more than all else.
+const WAKE: u32 = 256;
+/// And looks by itself so often, for what is to be on disk within a second.
+const LOOK: Duration = Duration::from_millis(250);
 
 /// An episode to trace.
 #[derive(Debug, Clone)]
@@ -48,6 +53,8 @@ pub struct Recorder {
     thread: Option<JoinHandle<()>>,
     /// Whether an episode is being traced.
     open: bool,
+    /// Records since the thread was woken.
+    sent: u32,
     warn: fn(&str),
 }
 
@@ -72,6 +79,7 @@ impl Recorder {
             queue: Some(queue),
             thread: Some(thread),
             open: false,
+            sent: 0,
             warn,
         })
     }
@@ -107,6 +115,7 @@ impl Recorder {
     pub fn end(&mut self, record: EndRecord) {
         self.send(Job::End(Box::new(record)));
         self.open = false;
+        self.wake();
     }
 
     /// Gives the trace up.
@@ -115,12 +124,24 @@ impl Recorder {
         self.open = false;
     }
 
+    fn wake(&mut self) {
+        self.sent = 0;
+        if let Some(thread) = &self.thread {
+            thread.thread().unpark();
+        }
+    }
+
     fn send(&mut self, job: Job) {
         let Some(queue) = self.queue.as_ref().filter(|_| self.open) else {
             return;
         };
         match queue.try_send(job) {
-            Ok(()) => {}
+            Ok(()) => {
+                self.sent += 1;
+                if self.sent >= WAKE {
+                    self.wake();
+                }
+            }
             Err(TrySendError::Full(_)) => {
                 // A trace with a hole is none; the thread gives it up when the next one begins.
                 self.open = false;
@@ -135,6 +156,7 @@ impl Drop for Recorder {
     /// Waits for what is in the queue to be written.
     fn drop(&mut self) {
         self.queue = None;
+        self.wake();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -152,12 +174,16 @@ struct Writer {
 impl Writer {
     fn work(&mut self, jobs: &Receiver<Job>) {
         loop {
-            let due = self.episode.as_ref().map(EpisodeWriter::flush_due);
-            let wait = due.map_or(FLUSH, |due| due.saturating_duration_since(Instant::now()));
-            match jobs.recv_timeout(wait) {
+            match jobs.try_recv() {
                 Ok(job) => self.take(job),
-                Err(RecvTimeoutError::Timeout) => self.write(EpisodeWriter::flush),
-                Err(RecvTimeoutError::Disconnected) => break,
+                Err(TryRecvError::Empty) => {
+                    let due = |writer: &EpisodeWriter| Instant::now() >= writer.flush_due();
+                    if self.episode.as_ref().is_some_and(due) {
+                        self.write(EpisodeWriter::flush);
+                    }
+                    std::thread::park_timeout(LOOK);
+                }
+                Err(TryRecvError::Disconnected) => break,
             }
         }
         // Its end never came.

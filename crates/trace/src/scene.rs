@@ -1,8 +1,6 @@
 //! What stands still: walls, graph, goal; and the ant's shape. Walls and ant twice: as a scene, and
 //! as points for viewers that draw no scene (Rerun).
 
-use std::collections::BTreeSet;
-
 use foxglove::bytes::Bytes;
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{
@@ -173,26 +171,33 @@ impl Scene {
             size: size(0.25, 0.25, 0.1),
             color: Some(BLUE),
         });
-        let place = |node: u32| self.nodes.get(node as usize);
-        let mut drawn = BTreeSet::new();
-        let new = |&&(from, to): &&(u32, u32)| drawn.insert((from.min(to), from.max(to)));
-        let ends = self
-            .edges
-            .iter()
-            .filter(new)
-            .filter_map(|(from, to)| Some([place(*from)?, place(*to)?]));
-        let points = ends.flatten().map(|[x, y]| point(*x, *y, 0.03));
+        let there = |(from, to): &(u32, u32)| (*from.max(to) as usize) < self.nodes.len();
+        let either = |(from, to): (u32, u32)| [from.min(to), from.max(to)];
+        let edges = self.edges.iter().copied().filter(there).map(either);
+        let mut edges: Vec<[u32; 2]> = edges.collect();
+        edges.sort_unstable();
+        edges.dedup();
         let lines = LinePrimitive {
             r#type: line_primitive::Type::LineList as i32,
             pose: Some(pose(0.0, 0.0, 0.0)),
             thickness: 0.03,
-            points: points.collect(),
+            points: self
+                .nodes
+                .iter()
+                .map(|[x, y]| point(*x, *y, 0.03))
+                .collect(),
             color: Some(PALE),
+            indices: edges.into_flattened(),
             ..LinePrimitive::default()
         };
         let graph = SceneEntity {
             spheres: nodes.collect(),
-            lines: vec![lines],
+            // Without indices all points would be taken, in pairs.
+            lines: if lines.indices.is_empty() {
+                vec![]
+            } else {
+                vec![lines]
+            },
             ..entity("graph")
         };
         SceneUpdate {
