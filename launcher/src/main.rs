@@ -14,13 +14,18 @@ mod folder;
 mod groups;
 mod interrupts;
 mod launch;
+mod live;
+mod metrics;
 mod progress;
 mod recorded;
 mod role;
 mod saved;
 mod score;
 mod stages;
+mod tensorboard;
+mod throughput;
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -43,6 +48,9 @@ enum Command {
         /// Go on with a run that was stopped or killed, by its name or folder
         #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "sets"])]
         resume: Option<String>,
+        /// Say lines in a terminal too, instead of the live view
+        #[arg(long)]
+        plain: bool,
     },
     /// Name every fault of a config and what it needs, before anything starts
     Check(ConfigArgs),
@@ -108,11 +116,12 @@ fn main() -> ExitCode {
         Command::Launch {
             config: LaunchArgs { config, over },
             resume,
+            plain,
         } => match (config, resume) {
             (Some(path), _) => {
-                check::load(&path, &over.sets).and_then(|config| launch::launch(&config))
+                check::load(&path, &over.sets).and_then(|config| launch::launch(&config, plain))
             }
-            (None, Some(run)) => launch::resume(&run),
+            (None, Some(run)) => launch::resume(&run, plain),
             (None, None) => Err(anyhow::anyhow!("name a run file, or a run to --resume")),
         },
         Command::Check(args) => check::load(&args.config, &args.over.sets).map(|_| {
@@ -139,7 +148,8 @@ fn main() -> ExitCode {
         Command::GraphBuilder(args) => role::run(|stop| graph_builder::run(&args, stop)),
     };
     result.unwrap_or_else(|error| {
-        eprintln!("formica: {error:#}");
+        // A terminal that is gone is no reason to panic.
+        let _ = writeln!(std::io::stderr(), "formica: {error:#}");
         let given = error.is::<config::Faults>() || error.is::<dataset::Refused>();
         ExitCode::from(if given { 2 } else { 1 })
     })
