@@ -16,6 +16,7 @@ mod walker;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use anyhow::Context;
 use config::{Config, Kind};
@@ -24,6 +25,9 @@ use wire::{Bus, RunDomain};
 
 /// Rows of a trajectory of the hierarchy, its final row included.
 pub const TRAJECTORY_STEPS: usize = navigate::TRAJECTORY_STEPS;
+
+/// Time between two words on how it is and where its ant is.
+pub(crate) const PULSE: Duration = Duration::from_millis(200);
 
 /// What an actor is told: by the launcher, its place in a run; by anyone else, a run to attach to.
 #[derive(Debug, Clone, clap::Args)]

@@ -18,6 +18,7 @@ use wire::{
     Role, State, Status, TrajectoryHeader, TrajectorySender, Transition, flags,
 };
 
+use crate::PULSE;
 use crate::inbox::{Inbox, Versions};
 use crate::traces::{Numbered, Traces};
 
@@ -281,11 +282,12 @@ impl Actor<'_> {
 
     fn rest(&mut self) {
         self.status.state = State::Waiting as u32;
+        self.status.place = [f32::NAN; 2];
         self.sender.wait(Duration::from_millis(100));
     }
 
     fn pulse(&mut self) {
-        if self.pulse.elapsed() > Duration::from_millis(500) {
+        if self.pulse.elapsed() > PULSE {
             self.status.sent = self.sender.transitions();
             self.status.acknowledged = self.sender.acknowledged();
             self.status.refused =
@@ -375,6 +377,7 @@ impl Actor<'_> {
             self.ant.step(&decision.action);
             observation = self.ant.observation();
             self.status.steps += 1;
+            self.status.place = [observation[0], observation[1]];
             ended.steps = step + 1;
             let distance = (task.goal[0] - observation[0]).hypot(task.goal[1] - observation[1]);
             ended.nearest = ended.nearest.min(distance);

@@ -15,6 +15,8 @@ use wire::{
     TrajectoryHeader, TrajectorySender, Transition, WeightsSubscriber, flags,
 };
 
+use crate::PULSE;
+
 /// Below this an ant has fallen and its episode ends.
 const FALLEN: f32 = 0.2;
 /// Cost of the mean squared action.
@@ -219,7 +221,11 @@ pub(crate) fn run(
             status.versions[0] = newer.version;
             weights = Some(newer);
         }
-        if pulse.elapsed() > Duration::from_millis(500) {
+        if pulse.elapsed() > PULSE {
+            // The first ants are those in the maze.
+            if let Some(walker) = walkers.first().filter(|walker| walker.in_maze) {
+                status.place = [walker.observation[0], walker.observation[1]];
+            }
             status.sent = sender.transitions();
             status.acknowledged = sender.acknowledged();
             status.refused = sender.refused() + subscriber.refused() + directives.refused();

@@ -227,6 +227,21 @@ impl Place {
         Ok(())
     }
 
+    /// Whether there is a process.
+    pub(crate) fn is_alive(&self) -> bool {
+        self.child.is_some()
+    }
+
+    /// Whether there will be another process in the place of one that is gone.
+    pub(crate) fn is_to_return(&self) -> bool {
+        self.restart_at.is_some() || self.held
+    }
+
+    /// Time since the process said something, or was started.
+    pub(crate) fn silence(&self) -> Duration {
+        self.heard.elapsed()
+    }
+
     /// Notes that the process said something.
     pub(crate) fn hear(&mut self, status: &Status) {
         let now = Instant::now();

@@ -1,6 +1,6 @@
 //! The whole run under supervision.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -16,9 +16,12 @@ use crate::accounts::Accounts;
 use crate::children::{Children, Ended};
 use crate::folder::RunFolder;
 use crate::interrupts::Interrupts;
-use crate::progress::{MetricsFile, Progress, Statuses};
+use crate::live::Live;
+use crate::metrics::Metrics;
+use crate::progress::{Progress, Scene, Statuses};
 use crate::saved::{Saved, Saver};
 use crate::stages::Times;
+use crate::throughput::Throughput;
 use crate::{check, folder, recovery, role, score, stages};
 
 /// How often children, reports and dead nodes are looked after.
@@ -44,8 +47,9 @@ struct Run<'c> {
     children: Children,
     statuses: Statuses,
     accounts: Accounts,
-    metrics: MetricsFile,
-    progress: Progress,
+    metrics: Metrics,
+    throughput: Throughput,
+    progress: &'c mut Progress,
     saver: Saver,
     /// Whether all weights are there.
     trained: bool,
@@ -67,7 +71,7 @@ struct Run<'c> {
 }
 
 /// Launches a run and stays until it has ended.
-pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
+pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
     let interrupts = Interrupts::listen()?;
     clear_dead();
     let start = Instant::now();
@@ -87,11 +91,11 @@ pub(crate) fn launch(config: &Config) -> anyhow::Result<ExitCode> {
         folder.path.display(),
         config.hash()
     );
-    host(config, &folder, saved, interrupts)
+    host(config, &folder, saved, interrupts, plain)
 }
 
 /// Goes on with a run that was stopped, or whose launcher died.
-pub(crate) fn resume(name: &str) -> anyhow::Result<ExitCode> {
+pub(crate) fn resume(name: &str, plain: bool) -> anyhow::Result<ExitCode> {
     let interrupts = Interrupts::listen()?;
     clear_dead();
     let (folder, config) = folder::reopen(name)?;
@@ -104,7 +108,7 @@ pub(crate) fn resume(name: &str) -> anyhow::Result<ExitCode> {
         saved.seconds,
         config.hash()
     );
-    host(&config, &folder, saved, interrupts)
+    host(&config, &folder, saved, interrupts, plain)
 }
 
 fn clear_dead() {
@@ -134,6 +138,7 @@ fn host(
     folder: &RunFolder,
     saved: Saved,
     interrupts: Interrupts,
+    plain: bool,
 ) -> anyhow::Result<ExitCode> {
     let folder = &folder.path;
     let domain = RunDomain::create()?;
@@ -147,6 +152,10 @@ fn host(
         }
     }
     let since = Duration::from_secs_f64(saved.since.clamp(0.0, 1e9));
+    let several = config.topology.max_actors.max(config.topology.actors) > 1;
+    let metrics = Metrics::open(folder, saved.seconds, several)?;
+    let live = (!plain).then(|| Live::start(config, folder));
+    let mut progress = Progress::new(live.flatten());
     let mut run = Run {
         config,
         folder,
@@ -160,8 +169,9 @@ fn host(
         children: Children::new(folder, domain.id()),
         statuses: Statuses::new(),
         accounts: saved.accounts,
-        metrics: MetricsFile::open(&folder.join("metrics.csv"), saved.seconds)?,
-        progress: Progress::new(),
+        throughput: Throughput::new(metrics.steps_before(), Instant::now()),
+        metrics,
+        progress: &mut progress,
         saver: Saver::new(folder),
         trained: saved.trained,
         began: Instant::now()
@@ -180,6 +190,8 @@ fn host(
     let report = outcome.and_then(|()| run.report());
     drop(run);
     domain.remove();
+    // Last: a terminal that takes nothing holds nothing else up.
+    progress.close();
     report
 }
 
@@ -230,6 +242,7 @@ impl Run<'_> {
             if self.saver.is_due() {
                 self.save();
             }
+            self.measure();
             self.show();
             if !self.rewound()? || self.advance()? {
                 std::thread::sleep(TICK);
@@ -242,15 +255,29 @@ impl Run<'_> {
     }
 
     fn show(&mut self) {
-        let phase = match self.directive.phase() {
-            Phase::Train => "train",
-            Phase::Settle => "settle",
-            Phase::Evaluate => "evaluate",
-            Phase::Finish => "finish",
+        let scene = Scene {
+            phase: self.directive.phase(),
+            seconds: self.metrics.seconds(),
+            statuses: &self.statuses,
+            places: &self.children.places,
+            newest: self.metrics.newest(),
+            throughput: &self.throughput,
+            score: self.score_so_far(),
+            episodes: self.results.len(),
         };
-        let extra = self.score_so_far();
-        let newest = self.metrics.newest();
-        self.progress.show(phase, &self.statuses, newest, &extra);
+        self.progress.show(&scene);
+    }
+
+    /// Writes the launcher's own metrics, and says what could not be written.
+    fn measure(&mut self) {
+        for (name, step, value) in self.throughput.due(Instant::now()) {
+            self.metrics.add_own(name, step, value);
+            self.progress.note(name, value);
+        }
+        self.metrics.flush_if_due();
+        for complaint in self.metrics.complaints() {
+            self.progress.warn(&complaint);
+        }
     }
 
     /// Goes on to the next part when its time has come; false when all is done.
@@ -392,11 +419,15 @@ impl Run<'_> {
             statuses,
             accounts,
             metrics,
+            throughput,
+            progress,
             results,
             directive,
             refused,
             ..
         } = self;
+        // Both closures tell them.
+        let (throughput, progress) = (RefCell::new(throughput), RefCell::new(progress));
         let attached = config.topology.actors..config.topology.max_actors.min(MAX_ACTORS);
         let most_steps = config.evaluation.max_steps as u32;
         let mut news = false;
@@ -418,10 +449,18 @@ impl Run<'_> {
                 }
                 if role == Role::Actor {
                     accounts.hear(status);
+                    throughput.borrow_mut().hear(status, Instant::now());
                 }
+                progress.borrow_mut().hear(role, status);
                 statuses.insert((role, status.id), (*status, Instant::now()));
             },
-            |metric| metrics.add(metric),
+            |metric| {
+                let name = metric.name();
+                let mut throughput = throughput.borrow_mut();
+                throughput.note(&name, metric.step, Instant::now());
+                progress.borrow_mut().note(&name, metric.value);
+                metrics.add(metric);
+            },
             |result| {
                 let sound = result.success <= 1
                     && result.fell <= 1
@@ -518,7 +557,9 @@ impl Run<'_> {
             restarts: self.restarts(),
             accounts: self.accounts.clone(),
         };
-        self.saver.save(&saved);
+        if let Some(error) = self.saver.save(&saved) {
+            self.progress.warn(&error);
+        }
     }
 
     fn restarts(&self) -> usize {
@@ -540,6 +581,10 @@ impl Run<'_> {
             self.bus.sweep();
             self.directives.keep_alive();
             self.tend(true)?;
+            self.measure();
+            if self.progress.is_live() {
+                self.show();
+            }
             let passed = start.elapsed();
             let hasty = self.interrupts.count() > seen;
             if !termed && passed >= patience {
@@ -555,13 +600,13 @@ impl Run<'_> {
         self.read_reports()
     }
 
-    fn score_so_far(&self) -> String {
-        let done: Vec<&EpisodeResult> = self.results.iter().flatten().collect();
-        if self.directive.phase() != Phase::Evaluate || done.is_empty() {
-            return String::new();
-        }
-        let successes: u32 = done.iter().map(|result| result.success).sum();
-        format!("{successes} of {} episodes reached the goal", done.len())
+    /// Successes and episodes of the evaluation that are over.
+    fn score_so_far(&self) -> Option<(usize, usize)> {
+        let evaluating = matches!(self.directive.phase(), Phase::Evaluate | Phase::Finish);
+        let done = self.results.iter().flatten();
+        let successes = done.clone().filter(|result| result.success == 1).count();
+        let done = done.count();
+        (evaluating && done > 0).then_some((successes, done))
     }
 
     /// Says how it went, and writes it down.

@@ -18,7 +18,9 @@ mod groups;
 mod inspect;
 mod interrupts;
 mod launch;
+mod live;
 mod markup;
+mod metrics;
 mod picture;
 mod progress;
 mod recorded;
@@ -31,9 +33,12 @@ mod score;
 mod stages;
 mod story;
 mod table;
+mod tensorboard;
+mod throughput;
 #[cfg(feature = "live")]
 mod watch;
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -56,6 +61,9 @@ enum Command {
         /// Go on with a run that was stopped or killed, by its name or folder
         #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "sets"])]
         resume: Option<String>,
+        /// Say lines in a terminal too, instead of the live view
+        #[arg(long)]
+        plain: bool,
     },
     /// Name every fault of a config and what it needs, before anything starts
     Check(ConfigArgs),
@@ -141,11 +149,12 @@ fn main() -> ExitCode {
         Command::Launch {
             config: LaunchArgs { config, over },
             resume,
+            plain,
         } => match (config, resume) {
             (Some(path), _) => {
-                check::load(&path, &over.sets).and_then(|config| launch::launch(&config))
+                check::load(&path, &over.sets).and_then(|config| launch::launch(&config, plain))
             }
-            (None, Some(run)) => launch::resume(&run),
+            (None, Some(run)) => launch::resume(&run, plain),
             (None, None) => Err(anyhow::anyhow!("name a run file, or a run to --resume")),
         },
         Command::Check(args) => check::load(&args.config, &args.over.sets).map(|_| {
@@ -178,7 +187,8 @@ fn main() -> ExitCode {
         Command::GraphBuilder(args) => role::run(|stop| graph_builder::run(&args, stop)),
     };
     result.unwrap_or_else(|error| {
-        eprintln!("formica: {error:#}");
+        // A terminal that is gone is no reason to panic.
+        let _ = writeln!(std::io::stderr(), "formica: {error:#}");
         let given = error.is::<config::Faults>() || error.is::<dataset::Refused>();
         ExitCode::from(if given { 2 } else { 1 })
     })

@@ -1,181 +1,168 @@
-//! What the user sees of a run while it goes on, and the file of its metrics.
+//! What the user sees of a run while it goes on: the live view in a terminal, lines elsewhere.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
-use std::io::{BufWriter, IsTerminal, Seek, SeekFrom, Write};
-use std::path::Path;
+use std::io::Write;
 use std::time::{Duration, Instant};
 
-use wire::{Metric, Role, State, Status};
+use wire::{Phase, Role, State, Status};
 
-use crate::recorded::parse_row;
+use crate::children::Place;
+use crate::live::Live;
 use crate::stages::Newest;
+use crate::throughput::Throughput;
 
-/// Names of metrics whose newest value is kept.
-const MOST_NAMES: usize = 1000;
+/// Time between two lines.
+const PAUSE: Duration = Duration::from_secs(5);
 
 /// Newest status of each process, and when it came.
 pub(crate) type Statuses = BTreeMap<(Role, u32), (Status, Instant)>;
 
-/// The status line: rewritten in a terminal, a new line now and then elsewhere.
+/// A run as it is now.
+pub(crate) struct Scene<'r> {
+    pub(crate) phase: Phase,
+    /// Time that the run has taken (s).
+    pub(crate) seconds: f64,
+    pub(crate) statuses: &'r Statuses,
+    pub(crate) places: &'r [Place],
+    pub(crate) newest: &'r Newest,
+    pub(crate) throughput: &'r Throughput,
+    /// Successes and episodes of the evaluation that are over, while there are any.
+    pub(crate) score: Option<(usize, usize)>,
+    /// Episodes of the evaluation.
+    pub(crate) episodes: usize,
+}
+
+/// Shows a run.
 pub(crate) struct Progress {
-    terminal: bool,
+    live: Option<Live>,
     shown: Option<Instant>,
     last: String,
-    rate: (Instant, u64),
-    steps_a_second: f64,
+    /// Nobody is there to read it.
+    silent: bool,
 }
 
 impl Progress {
-    pub(crate) fn new() -> Self {
+    /// With the view where there is one.
+    pub(crate) fn new(live: Option<Live>) -> Self {
         Self {
-            terminal: std::io::stdout().is_terminal(),
+            live,
             shown: None,
             last: String::new(),
-            rate: (Instant::now(), 0),
-            steps_a_second: 0.0,
+            silent: false,
         }
     }
 
-    /// Shows the line when it is time to.
-    pub(crate) fn show(&mut self, phase: &str, statuses: &Statuses, newest: &Newest, extra: &str) {
-        let pause = Duration::from_millis(if self.terminal { 500 } else { 5000 });
-        if self.shown.is_some_and(|shown| shown.elapsed() < pause) {
+    /// Whether the view is up.
+    pub(crate) fn is_live(&self) -> bool {
+        self.live.is_some()
+    }
+
+    /// Takes in a process's word.
+    pub(crate) fn hear(&mut self, role: Role, status: &Status) {
+        if let Some(live) = &mut self.live {
+            live.hear(role, status);
+        }
+    }
+
+    /// Takes in a metric.
+    pub(crate) fn note(&mut self, name: &str, value: f64) {
+        if let Some(live) = &mut self.live {
+            live.note(name, value);
+        }
+    }
+
+    /// Shows how the run is, when it is time to.
+    pub(crate) fn show(&mut self, scene: &Scene) {
+        if self.live.as_ref().is_some_and(Live::is_gone) {
+            self.close();
+        }
+        if let Some(live) = &mut self.live {
+            live.show(scene);
+            return;
+        }
+        if self.shown.is_some_and(|shown| shown.elapsed() < PAUSE) {
             return;
         }
         self.shown = Some(Instant::now());
-        let (mut steps, mut actors) = (0, 0);
-        let mut parts = vec![];
-        for ((role, _), (status, seen)) in statuses {
-            if *role == Role::Actor {
-                steps += status.steps;
-                let working = status.state == State::Working as u32;
-                actors += usize::from(working && seen.elapsed() < Duration::from_secs(5));
-            } else if status.state < State::Finished as u32 {
-                let [done, total] = status.progress;
-                let share = if total > 0 {
-                    format!(" {:.0}%", 100.0 * done as f64 / total as f64)
-                } else {
-                    String::new()
-                };
-                parts.push(format!("{}: {}{share}", role.name(), status.text()));
-            }
-        }
-        let passed = self.rate.0.elapsed().as_secs_f64();
-        if passed > 1.0 {
-            self.steps_a_second = steps.saturating_sub(self.rate.1) as f64 / passed;
-            self.rate = (Instant::now(), steps);
-        }
-        parts.push(format!(
-            "{actors} actors at {:.0} steps/s",
-            self.steps_a_second
-        ));
-        if let Some(lag) = newest.get("rollout/policy_lag") {
-            parts.push(format!("policy lag {lag:.0}"));
-        }
-        if !extra.is_empty() {
-            parts.push(extra.to_owned());
-        }
-        let line = format!("{phase} | {}", parts.join(" | "));
-        if self.terminal {
-            let width = self.last.chars().count();
-            print!("\r{line:<width$}");
-            let _ = std::io::stdout().flush();
-        } else if line != self.last {
-            println!("{line}");
+        let line = line(scene);
+        if line != self.last {
+            self.print(&line);
         }
         self.last = line;
     }
 
-    /// Prints a line that stays.
+    /// Says a line that stays.
     pub(crate) fn say(&mut self, text: &str) {
-        if self.terminal && !self.last.is_empty() {
-            println!();
-            self.last.clear();
+        match &mut self.live {
+            Some(live) => live.say(text),
+            None => self.print(text),
         }
-        println!("{text}");
     }
-}
 
-/// First line of `metrics.csv`.
-pub(crate) const METRICS_HEADER: &str = "seconds,role,id,name,step,value";
+    /// Says that something went wrong that does not end the run.
+    pub(crate) fn warn(&mut self, text: &str) {
+        let text = format!("formica: {text}");
+        match &mut self.live {
+            Some(live) => live.say(&text),
+            None => drop(writeln!(std::io::stderr(), "{text}")),
+        }
+    }
 
-/// `metrics.csv`: seconds since the start, role, id, name, step, value.
-pub(crate) struct MetricsFile {
-    file: Option<BufWriter<File>>,
-    start: Instant,
-    /// Time that earlier launchers of the run took (s).
-    before: f64,
-    flushed: Instant,
-    newest: Newest,
-}
-
-impl MetricsFile {
-    /// Begins the file, or goes on with that of a run that took so many seconds before.
-    pub(crate) fn open(path: &Path, seconds: f64) -> anyhow::Result<Self> {
-        let mut newest = Newest::new();
-        let mut text = std::fs::read_to_string(path).unwrap_or_default();
-        // A killed launcher may have left half a line.
-        text.truncate(text.rfind('\n').map_or(0, |end| end + 1));
-        for line in text.lines().skip(1) {
-            if let Some((_, name, value)) = parse_row(line) {
-                newest.insert(name.to_owned(), value);
+    /// Takes the view down, and says what was said meanwhile.
+    pub(crate) fn close(&mut self) {
+        if let Some(live) = self.live.take() {
+            for line in live.close() {
+                self.print(&line);
             }
         }
-        let file = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(path)?;
-        file.set_len(text.len() as u64)?;
-        let mut file = BufWriter::new(file);
-        file.seek(SeekFrom::End(0))?;
-        if text.is_empty() {
-            writeln!(file, "{METRICS_HEADER}")?;
-        }
-        Ok(Self {
-            file: Some(file),
-            start: Instant::now(),
-            before: seconds,
-            flushed: Instant::now(),
-            newest,
-        })
     }
 
-    /// Time that the run has taken (s).
-    pub(crate) fn seconds(&self) -> f64 {
-        self.before + self.start.elapsed().as_secs_f64()
+    /// A reader that is gone is no reason to end the run.
+    fn print(&mut self, text: &str) {
+        let mut out = std::io::stdout().lock();
+        self.silent = self.silent || writeln!(out, "{text}").and_then(|()| out.flush()).is_err();
     }
+}
 
-    /// The newest value of each metric.
-    pub(crate) fn newest(&self) -> &Newest {
-        &self.newest
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.close();
     }
+}
 
-    /// A full disk ends the file, not the run.
-    pub(crate) fn add(&mut self, metric: &Metric) {
-        let name = metric.name().replace([',', '\n', '"'], "_");
-        if !metric.value.is_finite() || name.is_empty() {
-            return;
-        }
-        // Whoever publishes on a channel must not fill the memory.
-        if self.newest.len() < MOST_NAMES || self.newest.contains_key(&name) {
-            self.newest.insert(name.clone(), metric.value);
-        }
-        let seconds = self.seconds();
-        let Some(file) = &mut self.file else { return };
-        let role = Role::from_number(metric.role).map_or("unknown", Role::name);
-        let Metric {
-            id, step, value, ..
-        } = *metric;
-        let mut written = writeln!(file, "{seconds:.1},{role},{id},{name},{step},{value}");
-        if self.flushed.elapsed() > Duration::from_secs(1) {
-            written = written.and_then(|()| file.flush());
-            self.flushed = Instant::now();
-        }
-        if let Err(error) = written {
-            eprintln!("formica: metrics.csv ends here: {error}");
-            self.file = None;
+/// All of a run that a line tells.
+fn line(scene: &Scene) -> String {
+    let mut actors = 0;
+    let mut parts = vec![];
+    for ((role, _), (status, seen)) in scene.statuses {
+        if *role == Role::Actor {
+            let working = status.state == State::Working as u32;
+            actors += usize::from(working && seen.elapsed() < Duration::from_secs(5));
+        } else if status.state < State::Finished as u32 {
+            let text = status.text();
+            let share = match status.progress {
+                // The text tells more.
+                [done, total] if total > 0 && !text.contains('%') => {
+                    format!(" {:.0}%", 100.0 * done as f64 / total as f64)
+                }
+                _ => String::new(),
+            };
+            parts.push(format!("{}: {text}{share}", role.name()));
         }
     }
+    let rate = scene.throughput.of_all(Instant::now());
+    parts.push(format!("{actors} actors at {rate:.0} steps/s"));
+    if let Some(lag) = scene.newest.get("rollout/policy_lag") {
+        parts.push(format!("policy lag {lag:.0}"));
+    }
+    if let Some((successes, done)) = scene.score {
+        parts.push(format!("{successes} of {done} episodes reached the goal"));
+    }
+    let phase = match scene.phase {
+        Phase::Train => "train",
+        Phase::Settle => "settle",
+        Phase::Evaluate => "evaluate",
+        Phase::Finish => "finish",
+    };
+    format!("{phase} | {}", parts.join(" | "))
 }

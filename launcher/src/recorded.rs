@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 
-use crate::progress::METRICS_HEADER;
+use crate::metrics::METRICS_HEADER;
 
 /// Values beyond it are a divergence that no axis shows; their squares would overflow.
 const DRAWABLE: f64 = 1e100;

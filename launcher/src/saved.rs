@@ -53,20 +53,15 @@ impl Saver {
         self.saved.elapsed() >= EVERY
     }
 
-    /// A disk that is full costs this file, not the run.
-    pub(crate) fn save(&mut self, saved: &Saved) {
+    /// A disk that is full costs this file, not the run: what went wrong, the first time.
+    pub(crate) fn save(&mut self, saved: &Saved) -> Option<String> {
         self.saved = Instant::now();
         let written = serde_json::to_vec(saved)
             .map_err(std::io::Error::from)
             .and_then(|bytes| durable::write(&self.path, &bytes));
-        match written {
-            Err(error) if !self.failed => {
-                eprintln!("formica: {} is not written: {error}", self.path.display());
-                self.failed = true;
-            }
-            Err(_) => {}
-            Ok(()) => self.failed = false,
-        }
+        let failed_before = std::mem::replace(&mut self.failed, written.is_err());
+        let error = written.err().filter(|_| !failed_before)?;
+        Some(format!("{} is not written: {error}", self.path.display()))
     }
 
     /// What an earlier launcher of the run wrote.

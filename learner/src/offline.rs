@@ -540,7 +540,16 @@ impl<'c> Learner<'c> {
         } else {
             format!("low {low}%, high {high}%")
         };
+        // Of both levels the one that has more before it.
+        let further = [self.progress[1], self.progress[2]]
+            .into_iter()
+            .filter(|[_, total]| *total > 0)
+            .min_by_key(|progress| share(*progress));
         let s = &mut self.status;
+        s.progress = match further {
+            Some(progress) if self.encoder.is_some() => progress,
+            _ => self.progress[0],
+        };
         s.set_text(&text);
         let trained = self.trained == [true; 2];
         s.state = if self.settled {

@@ -5,7 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use serde::{Deserialize, Serialize};
 
 /// Version of all records; processes of another one are refused.
-pub const LAYOUT: u32 = 3;
+pub const LAYOUT: u32 = 4;
 /// Width of an observation.
 pub const OBSERVATION: usize = 29;
 /// Width of an action.
@@ -368,6 +368,22 @@ pub enum State {
     Finished = 5,
 }
 
+impl State {
+    /// The state of a number in a [`Status`].
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<Self> {
+        let states = [
+            Self::Starting,
+            Self::Waiting,
+            Self::Working,
+            Self::Trained,
+            Self::Settled,
+            Self::Finished,
+        ];
+        states.into_iter().find(|state| *state as u32 == number)
+    }
+}
+
 /// A process's pulse; sent at least once a second.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
@@ -401,6 +417,8 @@ pub struct Status {
     pub progress: [u64; 2],
     /// Newest versions published or used: low, high, graph.
     pub versions: [u64; 3],
+    /// Where its ant, or the first of its ants, is in the maze (m); not numbers where it has none.
+    pub place: [f32; 2],
     /// What is being done, UTF-8, zero-padded.
     pub text: [u8; 64],
 }
@@ -422,6 +440,7 @@ impl Default for Status {
             updates: 0,
             progress: [0; 2],
             versions: [0; 3],
+            place: [f32::NAN; 2],
             text: [0; 64],
         }
     }

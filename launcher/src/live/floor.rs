@@ -1,0 +1,97 @@
+//! The maze from above, with the ants on it.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::{Modifier, Style};
+use ratatui::symbols::Marker;
+use ratatui::widgets::Widget;
+use ratatui::widgets::canvas::{Canvas, Line, Points};
+
+use super::ink::Ink;
+use super::view::{Floor, View};
+
+/// Fewer rows or columns show nothing.
+const LEAST: u16 = 3;
+/// A character is about twice as high as wide.
+const HIGH: f64 = 2.0;
+
+/// The part of an area that shows the maze as large as there is room for, in its own proportions.
+pub(super) fn fit(floor: &Floor, area: Rect) -> Rect {
+    let [left, top, right, bottom] = floor.bounds;
+    let (wide, high) = (right - left, (bottom - top) / HIGH);
+    let scale = (f64::from(area.width) / wide).min(f64::from(area.height) / high);
+    let cells = |length: f64| (length * scale).round() as u16;
+    let (width, height) = (cells(wide).min(area.width), cells(high).min(area.height));
+    if width < LEAST || height < LEAST {
+        return Rect { width: 0, ..area };
+    }
+    Rect {
+        width,
+        height,
+        ..area
+    }
+}
+
+pub(super) fn draw(view: &View, ink: Ink, area: Rect, buffer: &mut Buffer) {
+    if area.is_empty() {
+        return;
+    }
+    let floor = &*view.floor;
+    let [left, top, right, bottom] = floor.bounds;
+    // The canvas has y upwards.
+    let trails = view.ants.iter().map(|ant| {
+        let holds = |place: &&[f32; 2]| floor.holds(**place);
+        let places = ant.way.iter().filter(holds);
+        let points: Vec<(f64, f64)> = places
+            .map(|[x, y]| (f64::from(*x), -f64::from(*y)))
+            .collect();
+        (ink.ant(ant.id), points)
+    });
+    let trails: Vec<_> = trails.collect();
+    Canvas::default()
+        .marker(Marker::Braille)
+        .x_bounds([left, right])
+        .y_bounds([-bottom, -top])
+        .paint(|context| {
+            for [x1, y1, x2, y2] in &floor.walls {
+                context.draw(&Line::new(*x1, -y1, *x2, -y2, ink.wall()));
+            }
+            for (color, coords) in &trails {
+                context.draw(&Points {
+                    coords,
+                    color: *color,
+                });
+            }
+        })
+        .render(area, buffer);
+    let mut put = |place: [f64; 2], text: &str, style: Style| {
+        let (x, y) = cell(floor, place, area);
+        let room = usize::from(area.right() - x);
+        buffer.set_stringn(x, y, text, room, style);
+    };
+    put(floor.start, "S", ink.quiet());
+    for goal in &floor.goals {
+        put(*goal, "G", ink.good().add_modifier(Modifier::BOLD));
+    }
+    for ant in &view.ants {
+        if let Some(place) = ant.way.last().filter(|place| floor.holds(**place)) {
+            let style = Style::new()
+                .fg(ink.ant(ant.id))
+                .add_modifier(Modifier::BOLD);
+            put(place.map(f64::from), &format!("●{}", ant.id), style);
+        }
+    }
+}
+
+/// Column and row of a place on the floor.
+pub(super) fn cell(floor: &Floor, place: [f64; 2], area: Rect) -> (u16, u16) {
+    let [left, top, right, bottom] = floor.bounds;
+    let along = |at: f64, from: f64, to: f64, cells: u16| {
+        let cell = (at - from) / (to - from) * f64::from(cells);
+        (cell as u16).min(cells.saturating_sub(1))
+    };
+    (
+        area.x + along(place[0], left, right, area.width),
+        area.y + along(place[1], top, bottom, area.height),
+    )
+}

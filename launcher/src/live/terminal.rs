@@ -1,0 +1,213 @@
+//! The terminal's modes while the view is up, and their return whatever happens.
+//!
+//! Signals stay the terminal's: Ctrl-C is SIGINT as ever. Only echo and lines are switched off.
+
+use std::fs::File;
+use std::io::{self, IsTerminal};
+use std::os::fd::OwnedFd;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, Once, PoisonError, TryLockError};
+use std::time::{Duration, Instant};
+
+use rustix::process::getpgrp;
+use rustix::stdio::{dup2_stderr, stderr, stdin, stdout};
+use rustix::termios::{
+    InputModes, LocalModes, OptionalActions, QueueSelector, SpecialCodeIndex, Termios, tcflush,
+    tcgetattr, tcgetpgrp, tcgetwinsize, tcsetattr,
+};
+use signal_hook::consts::{SIGINT, SIGQUIT, SIGTSTP};
+use signal_hook::iterator::Signals;
+use signal_hook::low_level;
+
+/// Another screen, and no cursor.
+const ENTER: &[u8] = b"\x1b[?1049h\x1b[?25l";
+/// Plain text, the cursor, and the screen of before; what comes of half a frame is ended first.
+const LEAVE: &[u8] = b"\x1b[?2026l\x1b[0m\x1b[?25h\x1b[?1049l";
+/// A frame that takes longer to write shows a terminal that takes nothing.
+const STUCK: Duration = Duration::from_millis(300);
+
+/// What the terminal was like; some while the view is up.
+static SAVED: Mutex<Option<Saved>> = Mutex::new(None);
+/// Held while something is written.
+static WRITING: Mutex<()> = Mutex::new(());
+/// Ctrl-Z is about to stop the process, or has.
+static SUSPENDED: AtomicBool = AtomicBool::new(false);
+/// The view does not come up any more.
+static CLOSED: AtomicBool = AtomicBool::new(false);
+
+struct Saved {
+    modes: Termios,
+    /// Standard error, which goes to a file meanwhile; none where it is no terminal.
+    stderr: Option<OwnedFd>,
+}
+
+/// Whether there is a terminal for a view.
+pub(crate) fn is_fit() -> bool {
+    let dumb = std::env::var_os("TERM").is_none_or(|term| term.is_empty() || term == "dumb");
+    let terminal = io::stdin().is_terminal() && io::stdout().is_terminal();
+    !dumb && terminal && is_foreground()
+}
+
+/// Whether colours are welcome (<https://no-color.org>).
+pub(crate) fn has_colour() -> bool {
+    std::env::var_os("NO_COLOR").is_none_or(|word| word.is_empty())
+}
+
+/// Whether the terminal is this process's to use: not that of a job in the background.
+fn is_foreground() -> bool {
+    // Where there is no control of jobs nobody else has it.
+    tcgetpgrp(stdin()).is_ok_and(|group| group == getpgrp()) || tcgetpgrp(stdin()).is_err()
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Has panics, Ctrl-Z and Ctrl-\ give the terminal back first.
+pub(crate) fn guard() -> io::Result<()> {
+    static ONCE: Once = Once::new();
+    let mut result = Ok(());
+    ONCE.call_once(|| {
+        let hook = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            close();
+            hook(info);
+        }));
+        result = listen();
+    });
+    result
+}
+
+fn listen() -> io::Result<()> {
+    let mut signals = Signals::new([SIGTSTP, SIGQUIT])?;
+    std::thread::spawn(move || {
+        for signal in signals.forever() {
+            SUSPENDED.store(true, Ordering::SeqCst);
+            restore();
+            // Here a stopped process stays until it is wanted again.
+            let _ = low_level::emulate_default_handler(signal);
+            SUSPENDED.store(false, Ordering::SeqCst);
+        }
+    });
+    Ok(())
+}
+
+/// Takes the terminal, where it is not taken yet; none when it is not to be had now. Whatever is
+/// said to standard error goes to `log` meanwhile.
+pub(crate) fn take(log: &File) -> io::Result<Option<Taken>> {
+    let writing = lock(&WRITING);
+    let away = || SUSPENDED.load(Ordering::SeqCst) || CLOSED.load(Ordering::SeqCst);
+    let mut saved = lock(&SAVED);
+    if away() || !is_foreground() {
+        return Ok(None);
+    }
+    let anew = saved.is_none();
+    if anew {
+        let modes = tcgetattr(stdin())?;
+        let mut own = modes.clone();
+        own.local_modes
+            .remove(LocalModes::ICANON | LocalModes::ECHO);
+        // Ctrl-S must not stop what is written.
+        own.input_modes.remove(InputModes::IXON);
+        own.special_codes[SpecialCodeIndex::VMIN] = 0;
+        own.special_codes[SpecialCodeIndex::VTIME] = 0;
+        let other = io::stderr().is_terminal();
+        let kept = other.then(|| rustix::io::fcntl_dupfd_cloexec(stderr(), 3));
+        *saved = Some(Saved {
+            modes,
+            stderr: kept.transpose()?,
+        });
+        tcsetattr(stdin(), OptionalActions::Now, &own)?;
+        if other {
+            dup2_stderr(log)?;
+        }
+        write_all(ENTER)?;
+    }
+    Ok(Some(Taken {
+        anew,
+        _writing: writing,
+    }))
+}
+
+/// The terminal while it is written to.
+pub(crate) struct Taken {
+    /// Nothing of ours is on the screen yet.
+    pub(crate) anew: bool,
+    _writing: MutexGuard<'static, ()>,
+}
+
+impl Taken {
+    /// Columns and rows.
+    pub(crate) fn size(&self) -> io::Result<(u16, u16)> {
+        let size = tcgetwinsize(stdout())?;
+        Ok(match (size.ws_col, size.ws_row) {
+            // One that does not know.
+            (0, _) | (_, 0) => (80, 24),
+            known => known,
+        })
+    }
+
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        write_all(bytes)
+    }
+
+    /// Does what the keys ask for that were pressed: q is Ctrl-C.
+    pub(crate) fn heed_keys(&mut self) {
+        let mut keys = [0_u8; 64];
+        let n = rustix::io::read(stdin(), &mut keys).unwrap_or(0);
+        // Keys with a name send an escape and letters.
+        if keys[..n].contains(&b'q') && !keys[..n].contains(&b'\x1b') {
+            let _ = low_level::raise(SIGINT);
+        }
+    }
+}
+
+/// Gives the terminal back and does not take it again. Where it takes nothing any more its screen
+/// stays as it is.
+pub(crate) fn close() {
+    CLOSED.store(true, Ordering::SeqCst);
+    restore();
+}
+
+fn restore() {
+    let writing = patiently(&WRITING);
+    let Some(saved) = lock(&SAVED).take() else {
+        return;
+    };
+    if let Some(stderr) = saved.stderr {
+        let _ = dup2_stderr(stderr);
+    }
+    if !is_foreground() {
+        return;
+    }
+    // What was typed meanwhile is not for the shell.
+    let _ = tcflush(stdin(), QueueSelector::IFlush);
+    let _ = tcsetattr(stdin(), OptionalActions::Now, &saved.modes);
+    if writing.is_some() {
+        let _ = write_all(LEAVE);
+    }
+}
+
+fn patiently(mutex: &'static Mutex<()>) -> Option<MutexGuard<'static, ()>> {
+    let start = Instant::now();
+    loop {
+        match mutex.try_lock() {
+            Ok(guard) => return Some(guard),
+            Err(TryLockError::Poisoned(poisoned)) => return Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) if start.elapsed() > STUCK => return None,
+            Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(5)),
+        }
+    }
+}
+
+fn write_all(mut bytes: &[u8]) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match rustix::io::write(stdout(), bytes) {
+            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+            Ok(n) => bytes = &bytes[n..],
+            Err(rustix::io::Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(())
+}
