@@ -170,8 +170,8 @@ pub(crate) fn section(groups: &[Group]) -> anyhow::Result<String> {
     if !rows.is_empty() {
         let columns = [
             ("Run", Column::Text),
-            ("Seed", Column::Number),
             ("Score", Column::Number),
+            ("Seed", Column::Number),
             ("At the goal", Column::Number),
             ("On the back", Column::Number),
             ("Steps to the goal", Column::Number),
@@ -204,8 +204,8 @@ fn row(name: &str, seeds: &str, scored: &[&Scored], sums_up: bool) -> Row {
     Row {
         head: name.to_owned(),
         cells: vec![
-            seeds.to_owned(),
             told(&values(&|scored| Some(scored.outcome.score)), 1),
+            seeds.to_owned(),
             format!("{successes} of {episodes}"),
             sum(&|o| o.fallen).to_string(),
             told(&values(&Scored::steps), 0),
@@ -248,8 +248,8 @@ mod tests {
         let (one, other) = (scored(80.0, 8, &[episode]), scored(0.0, 0, &[]));
         let row = row("g", "2 seeds", &[&one, &other], true);
         let expected = [
-            "2 seeds",
             "40.0 ± 56.6",
+            "2 seeds",
             "8 of 20",
             "2",
             "200",
@@ -258,6 +258,6 @@ mod tests {
         ];
         assert_eq!(row.cells, expected);
         let bare = super::row("r", "1", &[&other], false);
-        assert_eq!(bare.cells, ["1", "0.0", "0 of 10", "1", "–", "–", "–"]);
+        assert_eq!(bare.cells, ["0.0", "1", "0 of 10", "1", "–", "–", "–"]);
     }
 }
