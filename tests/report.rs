@@ -105,7 +105,15 @@ fn the_report_of_a_run_has_every_part_and_needs_no_other_file() {
     ] {
         assert!(page.contains(part), "{part}");
     }
+    let mut ids: Vec<&str> = page.split(" id=\"").skip(1).collect();
+    ids.iter_mut()
+        .for_each(|id| *id = id.split('"').next().unwrap());
+    ids.sort_unstable();
+    assert!(ids.windows(2).all(|pair| pair[0] != pair[1]), "{ids:?}");
     let score = std::fs::read_to_string(folder.path().join("runs/small/score.json")).unwrap();
+    let hash = score.split("\"config\": \"").nth(1).unwrap();
+    let hash = format!("<dd>{}</dd>", hash.split('"').next().unwrap());
+    assert!(page.contains(&hash), "{hash}");
     let successes = score.split("\"successes\": ").nth(1).unwrap();
     let successes = successes.split([',', '\n']).next().unwrap();
     assert!(
@@ -161,6 +169,7 @@ fn the_report_of_a_run_has_every_part_and_needs_no_other_file() {
         assert!(bare.contains(told), "{told}");
     }
     assert!(!bare.contains("<figure"), "an empty figure");
+    assert!(bare.contains(&hash), "{hash}");
 }
 
 #[test]

@@ -346,7 +346,8 @@ impl Picture<'_> {
         let ends = y - 4.5;
         let line = format!("M{left:.1} {:.1}v6m0 -3h{width:.1}m0 -3v6", ends - 3.0);
         path(svg, "scale", &line);
-        text(svg, [left + width + 8.0, y], "class=\"faint\"", &label);
+        let right = [WIDTH - MARGIN, y];
+        text(svg, right, "class=\"faint\" text-anchor=\"end\"", &label);
         y + 4.0
     }
 }

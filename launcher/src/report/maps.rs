@@ -28,7 +28,7 @@ fn picture<'a>(run: &Recorded, faults: &mut Vec<String>) -> Picture<'a> {
             picture.start = Some(layout.centre(layout.start()));
             picture.goal = layout.goals().first().map(|goal| layout.centre(*goal));
         }
-        Err(error) => faults.push(format!("{}: the maze is not drawn: {error}", run.name)),
+        Err(error) => faults.push(format!("{}: the maze is not drawn: {error}.", run.name)),
     }
     picture
 }
@@ -233,4 +233,99 @@ fn walked(episode: &Walked<'_>, several: bool) -> anyhow::Result<String> {
         shown(&episode.path)
     );
     episode_picture::svg(&trace, &story, title, subtitle)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use graph::Edge;
+
+    use super::*;
+    use crate::groups::grouped;
+
+    /// A run's folder with a config, and a graph of two nodes.
+    fn run(folder: &Path, name: &str, maze: &str, with_graph: bool) -> Recorded {
+        let folder = folder.join(name);
+        fs::create_dir(&folder).unwrap();
+        let config = format!(
+            "[run]\nname = \"{name}\"\nseed = 0\n[maze]\n{maze}\n[evaluation]\nsuccess_radius = 0.5\n"
+        );
+        fs::write(folder.join("config.toml"), config).unwrap();
+        if with_graph {
+            let edge = Edge {
+                to: 1,
+                count: 1,
+                mean_steps: 1.0,
+                least_steps: 1.0,
+                reachability: 1.0,
+                tried: 0.0,
+                reached: 0.0,
+                rollout_steps: 0.0,
+            };
+            let graph = Graph {
+                version: 3,
+                ids: vec![0, 1],
+                latent_dim: 1,
+                latents: vec![0.0; 2],
+                places: vec![[0.0, 0.0], [4.0, 0.0]],
+                offsets: vec![0, 1, 1],
+                edges: vec![edge],
+                mean_edge_steps: 1.0,
+            };
+            graph.save(&folder.join("graph.bin")).unwrap();
+        }
+        Recorded::read(folder).unwrap()
+    }
+
+    #[test]
+    fn every_group_has_its_turn_before_any_has_its_next() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut runs: Vec<Recorded> = (0..7)
+            .map(|i| run(folder.path(), &format!("a-{i}"), "layout = \"umaze\"", true))
+            .collect();
+        runs.push(run(folder.path(), "b", "layout = \"large\"", true));
+        let groups = grouped(runs);
+        let names: Vec<&str> = by_turns(&groups)
+            .iter()
+            .map(|run| run.name.as_str())
+            .collect();
+        assert_eq!(
+            names,
+            ["a-0", "b", "a-1", "a-2", "a-3", "a-4", "a-5", "a-6"]
+        );
+        let body = graphs(&groups);
+        assert_eq!(body.matches("<svg").count(), GRAPHS, "{body}");
+        for told in [
+            "2 nodes, 1 edges; version 3",
+            "graphs of 2 more runs are left out",
+        ] {
+            assert!(body.contains(told), "{told} in {body}");
+        }
+    }
+
+    #[test]
+    fn a_maze_of_its_own_is_drawn_and_an_unknown_one_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows = "layout = \"custom\"\nrows = [\"11111\", \"1r0g1\", \"11111\"]";
+        let custom = run(folder.path(), "custom", rows, true);
+        let unknown = run(folder.path(), "unknown", "layout = \"moon\"", true);
+        let bare = run(folder.path(), "bare", "layout = \"large\"", false);
+        let body = graphs(&grouped(vec![custom]));
+        assert!(
+            body.contains("class=\"wall\"") && body.contains("class=\"goal\""),
+            "{body}"
+        );
+        let body = graphs(&grouped(vec![unknown]));
+        assert!(
+            body.contains("unknown: the maze is not drawn: unknown maze 'moon'"),
+            "{body}"
+        );
+        assert!(
+            body.contains("<figure") && !body.contains("class=\"wall\""),
+            "{body}"
+        );
+        let body = graphs(&grouped(vec![bare]));
+        assert!(body.contains("bare: no graph was built yet.") && !body.contains("<figure"));
+    }
 }

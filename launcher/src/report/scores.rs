@@ -33,6 +33,12 @@ pub(crate) fn title(groups: &[Group]) -> String {
     }
 }
 
+/// Of the config of a run without a score; empty where this version cannot read it.
+fn hash(run: &Recorded) -> String {
+    let config = config::Config::load(&run.folder.join("config.toml"), &[]);
+    config.map_or(String::new(), |config| config.hash())
+}
+
 /// Name, scores in large, and what the runs are.
 pub(crate) fn head(groups: &[Group]) -> anyhow::Result<String> {
     let runs: Vec<&Recorded> = groups.iter().flat_map(|group| &group.runs).collect();
@@ -86,8 +92,9 @@ pub(crate) fn head(groups: &[Group]) -> anyhow::Result<String> {
         ),
         (
             "Hash of the config".to_owned(),
-            match outcomes.as_slice() {
-                [one] => one.config.clone(),
+            match (runs.as_slice(), outcomes.as_slice()) {
+                ([_], [one]) => one.config.clone(),
+                ([run], []) => hash(run),
                 _ => String::new(),
             },
         ),
@@ -132,7 +139,7 @@ impl Scored {
         (chosen > 0).then(|| 100.0 * reached as f64 / chosen as f64)
     }
 
-    /// How near the goal the worst episode came (m).
+    /// The least distance to the goal of the episode that came least near (m).
     fn farthest(&self) -> Option<f64> {
         let nearest = self.episodes.iter().map(|episode| episode.nearest);
         nearest.reduce(f64::max)
@@ -163,8 +170,8 @@ pub(crate) fn section(groups: &[Group]) -> anyhow::Result<String> {
     if !rows.is_empty() {
         let columns = [
             ("Run", Column::Text),
-            ("Seed", Column::Number),
             ("Score", Column::Number),
+            ("Seed", Column::Number),
             ("At the goal", Column::Number),
             ("On the back", Column::Number),
             ("Steps to the goal", Column::Number),
@@ -193,21 +200,24 @@ fn row(name: &str, seeds: &str, scored: &[&Scored], sums_up: bool) -> Row {
     let values = |of: &dyn Fn(&Scored) -> Option<f64>| -> Vec<f64> {
         scored.iter().filter_map(|scored| of(scored)).collect()
     };
-    let unit = |values: &[f64], digits: usize, unit: &str| match values {
-        [] => "–".to_owned(),
-        _ => format!("{}{unit}", told(values, digits)),
-    };
     let (successes, episodes) = (sum(&|o| o.successes), sum(&|o| o.episodes));
     Row {
         head: name.to_owned(),
         cells: vec![
-            seeds.to_owned(),
             told(&values(&|scored| Some(scored.outcome.score)), 1),
+            seeds.to_owned(),
             format!("{successes} of {episodes}"),
             sum(&|o| o.fallen).to_string(),
             told(&values(&Scored::steps), 0),
-            unit(&values(&Scored::reached), 1, " %"),
-            unit(&values(&Scored::farthest), 2, " m"),
+            match values(&Scored::reached).as_slice() {
+                [] => "–".to_owned(),
+                values => format!("{} %", told(values, 1)),
+            },
+            // The worst of all: a mean of worst ones tells nothing.
+            values(&Scored::farthest)
+                .into_iter()
+                .reduce(f64::max)
+                .map_or("–".to_owned(), |metres| format!("{metres:.2} m")),
         ],
         sums_up,
     }
@@ -238,8 +248,8 @@ mod tests {
         let (one, other) = (scored(80.0, 8, &[episode]), scored(0.0, 0, &[]));
         let row = row("g", "2 seeds", &[&one, &other], true);
         let expected = [
-            "2 seeds",
             "40.0 ± 56.6",
+            "2 seeds",
             "8 of 20",
             "2",
             "200",
@@ -248,6 +258,6 @@ mod tests {
         ];
         assert_eq!(row.cells, expected);
         let bare = super::row("r", "1", &[&other], false);
-        assert_eq!(bare.cells, ["1", "0.0", "0 of 10", "1", "–", "–", "–"]);
+        assert_eq!(bare.cells, ["0.0", "1", "0 of 10", "1", "–", "–", "–"]);
     }
 }

@@ -4,6 +4,12 @@ use super::page::{Column, Row, folded, paragraph, table};
 use crate::groups::{Group, differing};
 use crate::markup::escaped;
 
+/// A line of a file; a tab is no damage.
+fn text(line: &str) -> String {
+    escaped(&line.replace('\t', "    "))
+}
+
+/// The keys that differ, and each group's file.
 pub(crate) fn section(groups: &[Group]) -> String {
     let mut body = String::new();
     if groups.len() > 1 {
@@ -48,8 +54,8 @@ pub(crate) fn section(groups: &[Group]) -> String {
                 others.join(", ")
             ),
         };
-        let text: Vec<String> = run.toml.lines().map(escaped).collect();
-        let text = format!("<pre tabindex=\"0\">{}</pre>\n", text.join("\n"));
+        let lines: Vec<String> = run.toml.lines().map(text).collect();
+        let text = format!("<pre tabindex=\"0\">{}</pre>\n", lines.join("\n"));
         body += &folded(&summary, false, &text);
     }
     body
