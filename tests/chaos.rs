@@ -438,7 +438,7 @@ fn soak(seconds: u64) {
 #[test]
 fn a_minute_of_full_load_leaves_memory_as_it_is() {
     let _one = one_at_a_time();
-    soak(70);
+    soak(45);
 }
 
 #[test]
