@@ -30,7 +30,7 @@ const COLUMNS: [(Column, &str, u16, u16); 8] = [
     (Column::State, "state", 10, 26),
     (Column::Doing, "doing", 0, 50),
     (Column::Done, "done", 11, 90),
-    (Column::Rate, "per second", 15, 64),
+    (Column::Rate, "per second", 13, 64),
     (Column::Restarts, "restarts", 8, 76),
     (Column::Heard, "heard", 5, 40),
 ];
