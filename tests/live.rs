@@ -4,6 +4,7 @@
 
 use std::fs::File;
 use std::io::{Read, Write};
+use std::num::NonZero;
 use std::os::fd::OwnedFd;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
@@ -31,6 +32,18 @@ struct Session {
     screen: Arc<Mutex<vt100::Parser>>,
 }
 
+/// Gives a terminal a size in rows and columns.
+fn resize(terminal: &OwnedFd, rows: u16, columns: u16) -> (NonZero<u16>, NonZero<u16>) {
+    let size = Winsize {
+        ws_row: rows,
+        ws_col: columns,
+        ws_xpixel: 0,
+        ws_ypixel: 0,
+    };
+    tcsetwinsize(terminal, size).unwrap();
+    (NonZero::new(rows).unwrap(), NonZero::new(columns).unwrap())
+}
+
 /// Launches the small run in a terminal of its own.
 fn launch(folder: &Path, arguments: &[&str], environment: &[(&str, &str)]) -> Session {
     std::fs::write(folder.join("small.toml"), SMALL).unwrap();
@@ -45,13 +58,7 @@ fn launch(folder: &Path, arguments: &[&str], environment: &[(&str, &str)]) -> Se
         rustix::fs::open(path, flags, Mode::empty()).unwrap()
     };
     let terminal = open();
-    let size = Winsize {
-        ws_row: 30,
-        ws_col: 100,
-        ws_xpixel: 0,
-        ws_ypixel: 0,
-    };
-    tcsetwinsize(&terminal, size).unwrap();
+    let (rows, columns) = resize(&terminal, 30, 100);
     // A session of its own, which the terminal controls as a shell's would be.
     let mut command = Command::new("setsid");
     command
@@ -67,7 +74,7 @@ fn launch(folder: &Path, arguments: &[&str], environment: &[(&str, &str)]) -> Se
         .stdout(open())
         .stderr(open());
     let launcher = command.spawn().unwrap();
-    let screen = Arc::new(Mutex::new(vt100::Parser::new(30, 100, 500)));
+    let screen = Arc::new(Mutex::new(vt100::Parser::new(rows, columns, 500)));
     let keys = File::from(controller);
     let hung_up = Arc::new(AtomicBool::new(false));
     let (mut output, seen) = (keys.try_clone().unwrap(), Arc::clone(&screen));
@@ -168,14 +175,10 @@ fn a_terminal_shows_the_run_and_has_its_modes_back_after_ctrl_c() {
         text.contains("updates") && text.contains("steps")
     });
     // Another size, in the midst of it.
-    session.screen.lock().unwrap().screen_mut().set_size(12, 50);
-    let size = Winsize {
-        ws_row: 12,
-        ws_col: 50,
-        ws_xpixel: 0,
-        ws_ypixel: 0,
-    };
-    tcsetwinsize(&session.terminal, size).unwrap();
+    let (rows, columns) = resize(&session.terminal, 12, 50);
+    let mut parser = session.screen.lock().unwrap();
+    parser.screen_mut().set_size(rows, columns);
+    drop(parser);
     // There is no room for two lines of head any more.
     let one_line = |head: &str| head.contains("runs/small") && head.contains("train");
     session.wait_for("small frame", |text| {
@@ -222,7 +225,7 @@ fn q_is_ctrl_c_and_a_failure_is_told_on_the_screen_of_before() {
 fn a_terminal_that_takes_nothing_or_is_gone_does_not_harm_the_run() {
     let _one = one_at_a_time();
     let folder = tempfile::tempdir().unwrap();
-    let mut session = launch(folder.path(), &[], &[]);
+    let session = launch(folder.path(), &[], &[]);
     session.wait_for("processes", |text| text.contains("actor 1"));
     // As Ctrl-S does in a terminal that heeds it.
     tcflow(&session.terminal, Action::OOff).unwrap();

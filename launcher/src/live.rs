@@ -82,7 +82,7 @@ impl Live {
             .ok()?;
         Some(Self {
             painter: Painter::start(log).ok()?,
-            memory: Memory::new(config, folder, layout),
+            memory: Memory::new(config, folder, &layout),
             shown: None,
         })
     }
@@ -133,7 +133,7 @@ struct Memory {
 }
 
 impl Memory {
-    fn new(config: &Config, folder: &Path, layout: Layout) -> Self {
+    fn new(config: &Config, folder: &Path, layout: &Layout) -> Self {
         Self {
             run: folder.display().to_string(),
             config: config.hash(),

@@ -131,8 +131,8 @@ impl Metrics {
         }
         let seconds = self.seconds();
         let (role, id) = source;
-        self.to_csv(|csv| writeln!(csv, "{seconds:.1},{role},{id},{name},{step},{value}"));
-        self.to_events(|events| events.scalar(tag, step, value));
+        self.with_csv(|csv| writeln!(csv, "{seconds:.1},{role},{id},{name},{step},{value}"));
+        self.with_events(|events| events.scalar(tag, step, value));
         // Whoever publishes on a channel must not fill the memory.
         if self.newest.len() < MOST_NAMES || self.newest.contains_key(&name) {
             self.newest.insert(name, value);
@@ -144,19 +144,19 @@ impl Metrics {
     pub(crate) fn flush_if_due(&mut self) {
         if self.flushed.elapsed() > FLUSH {
             self.flushed = Instant::now();
-            self.to_csv(Write::flush);
-            self.to_events(EventFile::flush);
+            self.with_csv(Write::flush);
+            self.with_events(EventFile::flush);
         }
     }
 
-    fn to_csv(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) {
+    fn with_csv(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) {
         if let Some(Err(error)) = self.csv.as_mut().map(write) {
             self.complain(&format!("metrics.csv ends here: {error}"));
             self.csv = None;
         }
     }
 
-    fn to_events(&mut self, write: impl FnOnce(&mut EventFile) -> io::Result<()>) {
+    fn with_events(&mut self, write: impl FnOnce(&mut EventFile) -> io::Result<()>) {
         if let Some(Err(error)) = self.events.as_mut().map(write) {
             self.complain(&format!("TensorBoard's event file ends here: {error}"));
             self.events = None;

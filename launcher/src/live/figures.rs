@@ -59,7 +59,7 @@ fn score(score: Option<Score>, ink: Ink, mut row: Rect, buffer: &mut Buffer) {
     let style = ink.good().patch(ink.strong());
     right(Span::styled(number(share, 1), style), place, buffer);
     let told = format!(
-        "  {} of {} at the goal, {} to come",
+        "  {} of {}, {} to come",
         score.successes,
         score.done,
         score.episodes.saturating_sub(score.done)

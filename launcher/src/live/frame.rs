@@ -58,7 +58,7 @@ pub(crate) fn draw(view: &View, frame: &mut Frame) {
 fn body(view: &View, ink: Ink, mut area: Rect, buffer: &mut Buffer) {
     if area.width >= WIDE {
         let left = Rect {
-            width: area.width * 11 / 20,
+            width: area.width / 2,
             ..area
         };
         let maze = floor::fit(&view.floor, left);

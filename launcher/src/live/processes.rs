@@ -30,7 +30,7 @@ const COLUMNS: [(Column, &str, u16, u16); 8] = [
     (Column::State, "state", 10, 26),
     (Column::Doing, "doing", 0, 50),
     (Column::Done, "done", 11, 90),
-    (Column::Rate, "per second", 15, 64),
+    (Column::Rate, "per second", 13, 64),
     (Column::Restarts, "restarts", 8, 76),
     (Column::Heard, "heard", 5, 40),
 ];
@@ -47,7 +47,7 @@ pub(super) fn draw(view: &View, ink: Ink, mut area: Rect, buffer: &mut Buffer) {
     let head = cut_top(&mut area, 1);
     for (column, place) in places(head) {
         let (.., title, _, _) = COLUMNS[column as usize];
-        cell(column, title.to_owned(), ink.quiet(), place, buffer);
+        cell(column, title, ink.quiet(), place, buffer);
     }
     let room = usize::from(area.height);
     let all = view.processes.len();
@@ -60,7 +60,7 @@ pub(super) fn draw(view: &View, ink: Ink, mut area: Rect, buffer: &mut Buffer) {
         let row = cut_top(&mut area, 1);
         for (column, place) in places(row) {
             let (text, style) = content(column, process, ink, place.width.into());
-            cell(column, text, style, place, buffer);
+            cell(column, &text, style, place, buffer);
         }
     }
     if shown < all {
@@ -90,8 +90,8 @@ fn places(mut row: Rect) -> Vec<(Column, Rect)> {
     places
 }
 
-fn cell(column: Column, text: String, style: Style, place: Rect, buffer: &mut Buffer) {
-    let text = cut_text(&text, place.width.into());
+fn cell(column: Column, text: &str, style: Style, place: Rect, buffer: &mut Buffer) {
+    let text = cut_text(text, place.width.into());
     match column {
         Column::Pid | Column::Rate | Column::Restarts | Column::Heard => {
             right(Span::styled(text, style), place, buffer);

@@ -67,7 +67,7 @@ fn view() -> View {
             figure("policy lag", 2.5, vec![1.0, 2.5]),
             figure("low policy loss", 0.125, vec![4.0, 2.0, 0.125]),
         ],
-        floor: Arc::new(Floor::new(Layout::named("umaze").unwrap())),
+        floor: Arc::new(Floor::new(&Layout::named("umaze").unwrap())),
         ants: vec![Ant {
             id: 1,
             way: vec![[4.0, 0.0], [8.0, 8.0]],
@@ -120,28 +120,28 @@ fn a_frame_tells_all_of_a_run() {
 #[test]
 fn ants_are_where_they_are_in_the_maze() {
     let mut view = view();
-    let area = Rect::new(0, 0, 40, 20);
+    let area = Rect::new(0, 0, 36, 18);
     let floor = Arc::clone(&view.floor);
-    assert_eq!(floor::fit(&floor, area), area, "20 m by 20 m");
+    assert_eq!(floor::fit(&floor, area), area, "12 m by 12 m");
     let dots = |view: &View| {
         let mut buffer = ratatui::buffer::Buffer::empty(area);
         floor::draw(view, ink::Ink::new(true), area, &mut buffer);
-        let cells = (0..20).flat_map(|y| (0..40).map(move |x| (x, y)));
+        let cells = (0..18).flat_map(|y| (0..36).map(move |x| (x, y)));
         let dots = cells.filter(|at| buffer[*at].symbol() == "●");
         dots.map(|(x, y)| (x, y, buffer[(x + 1, y)].symbol().to_owned()))
             .collect::<Vec<_>>()
     };
-    // A cell is 8 columns and 4 rows; the start's centre, the origin, is in the second of both.
-    assert_eq!(dots(&view), [(28, 14, "1".to_owned())]);
+    // A cell is 12 columns and 6 rows; the origin is the start's centre, in the first of both.
+    assert_eq!(dots(&view), [(30, 15, "1".to_owned())]);
     view.ants[0].way = vec![[0.0, 0.0]];
-    assert_eq!(dots(&view), [(12, 6, "1".to_owned())]);
-    view.ants[0].way = vec![[-5.9, 13.9]];
-    assert_eq!(dots(&view), [(0, 19, "1".to_owned())]);
+    assert_eq!(dots(&view), [(6, 3, "1".to_owned())]);
+    view.ants[0].way = vec![[-1.9, 9.9]];
+    assert_eq!(dots(&view), [(0, 17, "1".to_owned())]);
     for nowhere in [
         [f32::NAN, 0.0],
         [0.0, f32::INFINITY],
-        [-6.1, 0.0],
-        [0.0, 14.1],
+        [-2.1, 0.0],
+        [0.0, 10.1],
         [1e30, -1e30],
     ] {
         view.ants[0].way = vec![[0.0, 0.0], nowhere];
@@ -151,8 +151,8 @@ fn ants_are_where_they_are_in_the_maze() {
 
 #[test]
 fn walls_stand_between_floor_and_wall_cells() {
-    let floor = Floor::new(Layout::named("umaze").unwrap());
-    assert_eq!(floor.bounds, [-6.0, -6.0, 14.0, 14.0]);
+    let floor = Floor::new(&Layout::named("umaze").unwrap());
+    assert_eq!(floor.bounds, [-2.0, -2.0, 10.0, 10.0]);
     // Seven free cells in a row, bent: two sides of each but one more at both ends.
     assert_eq!(floor.walls.len(), 7 * 2 + 2);
     let west_of_start = [-2.0, -2.0, -2.0, 2.0];
@@ -173,7 +173,7 @@ fn no_size_and_no_value_is_too_odd() {
         episodes: 0,
     });
     odd.lines = vec!["\x1b[2J\u{200b}日本語\n\n".repeat(99), "é".repeat(999)];
-    odd.floor = Arc::new(Floor::new(Layout::named("giant").unwrap()));
+    odd.floor = Arc::new(Floor::new(&Layout::named("giant").unwrap()));
     odd.ants[0] = Ant {
         id: u32::MAX,
         way: vec![[f32::MAX, f32::MIN]],
@@ -229,7 +229,7 @@ fn memory() -> Memory {
         run: "runs/small".to_owned(),
         config: String::new(),
         phases: &[Phase::Train],
-        floor: Arc::new(Floor::new(Layout::named("umaze").unwrap())),
+        floor: Arc::new(Floor::new(&Layout::named("umaze").unwrap())),
         colour: true,
         histories: BTreeMap::new(),
         ways: BTreeMap::new(),
@@ -284,9 +284,9 @@ fn a_view_is_made_of_what_is_known() {
     let mut attached = actor(5, [0.0, 0.0]);
     attached.state = State::Working as u32;
     attached.set_text("hops\x1b[2J");
-    let mut statuses = BTreeMap::from([((Role::Actor, 5), (attached, now))]);
-    let throughput = crate::throughput::Throughput::new(0, now);
-    let mut scene = Scene {
+    let statuses = BTreeMap::from([((Role::Actor, 5), (attached, now))]);
+    let throughput = throughput::Throughput::new(0, now);
+    let scene = Scene {
         phase: Phase::Train,
         seconds: 7.5,
         statuses: &statuses,
@@ -311,8 +311,11 @@ fn a_view_is_made_of_what_is_known() {
     assert_eq!(process.doing, "hops [2J");
     // One that was silent for long has left.
     if let Some(before) = now.checked_sub(LEFT + Duration::from_secs(1)) {
-        statuses.insert((Role::Actor, 5), (attached, before));
-        scene.statuses = &statuses;
+        let statuses = BTreeMap::from([((Role::Actor, 5), (attached, before))]);
+        let scene = Scene {
+            statuses: &statuses,
+            ..scene
+        };
         assert!(memory.view(&scene).processes.is_empty());
     }
 }

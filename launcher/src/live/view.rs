@@ -87,25 +87,29 @@ pub(crate) struct Ant {
 
 /// The maze as seen from above; x to the right, y down, as the run file draws it.
 pub(crate) struct Floor {
-    /// Left, top, right, bottom (m).
+    /// Left, top, right, bottom of all that can be walked on (m).
     pub(crate) bounds: [f64; 4],
     /// Where floor and wall meet: both ends of a line (m).
     pub(crate) walls: Vec<[f64; 4]>,
     pub(crate) start: [f64; 2],
     pub(crate) goals: Vec<[f64; 2]>,
-    layout: Layout,
 }
 
 impl Floor {
-    pub(crate) fn new(layout: Layout) -> Self {
+    pub(crate) fn new(layout: &Layout) -> Self {
         let half = f64::from(CELL_SIZE) / 2.0;
         let centre = |cell| layout.centre(cell).map(f64::from);
-        let (rows, columns) = layout.shape();
-        let [left, top] = centre((0, 0));
-        let [right, bottom] = centre((rows.saturating_sub(1), columns.saturating_sub(1)));
         let mut walls = vec![];
+        let mut bounds = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
         for cell in layout.free_cells() {
             let [x, y] = centre(cell);
+            let [left, top, right, bottom] = bounds;
+            bounds = [
+                left.min(x - half),
+                top.min(y - half),
+                right.max(x + half),
+                bottom.max(y + half),
+            ];
             let sides = [(0, 1), (1, 0), (0, usize::MAX), (usize::MAX, 0)];
             for (down, along) in sides {
                 let next = (cell.0.wrapping_add(down), cell.1.wrapping_add(along));
@@ -127,16 +131,18 @@ impl Floor {
             }
         }
         Self {
-            bounds: [left - half, top - half, right + half, bottom + half],
+            bounds,
             walls,
             start: centre(layout.start()),
             goals: layout.goals().iter().map(|goal| centre(*goal)).collect(),
-            layout,
         }
     }
 
     /// Whether an ant can be at a place: anyone may say anything on a channel.
     pub(crate) fn holds(&self, place: [f32; 2]) -> bool {
-        place.iter().all(|v| v.is_finite()) && self.layout.cell_at(place).is_some()
+        let [x, y] = place.map(f64::from);
+        let [left, top, right, bottom] = self.bounds;
+        // False where one is not a number.
+        (left..=right).contains(&x) && (top..=bottom).contains(&y)
     }
 }
