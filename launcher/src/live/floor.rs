@@ -17,8 +17,8 @@ const HIGH: f64 = 2.0;
 
 /// The part of an area that shows the maze as large as there is room for, in its own proportions.
 pub(super) fn fit(floor: &Floor, area: Rect) -> Rect {
-    let [left, top, right, bottom] = floor.bounds;
-    let (wide, high) = (right - left, (bottom - top) / HIGH);
+    let [left, low, right, high] = floor.bounds;
+    let (wide, high) = (right - left, (high - low) / HIGH);
     let scale = (f64::from(area.width) / wide).min(f64::from(area.height) / high);
     let cells = |length: f64| (length * scale).round() as u16;
     let (width, height) = (cells(wide).min(area.width), cells(high).min(area.height));
@@ -37,13 +37,12 @@ pub(super) fn draw(view: &View, ink: Ink, area: Rect, buffer: &mut Buffer) {
         return;
     }
     let floor = &*view.floor;
-    let [left, top, right, bottom] = floor.bounds;
-    // The canvas has y upwards.
+    let [left, low, right, high] = floor.bounds;
     let trails = view.ants.iter().map(|ant| {
         let holds = |place: &&[f32; 2]| floor.holds(**place);
         let places = ant.way.iter().filter(holds);
         let points: Vec<(f64, f64)> = places
-            .map(|[x, y]| (f64::from(*x), -f64::from(*y)))
+            .map(|[x, y]| (f64::from(*x), f64::from(*y)))
             .collect();
         (ink.ant(ant.id), points)
     });
@@ -51,10 +50,10 @@ pub(super) fn draw(view: &View, ink: Ink, area: Rect, buffer: &mut Buffer) {
     Canvas::default()
         .marker(Marker::Braille)
         .x_bounds([left, right])
-        .y_bounds([-bottom, -top])
+        .y_bounds([low, high])
         .paint(|context| {
             for [x1, y1, x2, y2] in &floor.walls {
-                context.draw(&Line::new(*x1, -y1, *x2, -y2, ink.wall()));
+                context.draw(&Line::new(*x1, *y1, *x2, *y2, ink.wall()));
             }
             for (color, coords) in &trails {
                 context.draw(&Points {
@@ -83,15 +82,15 @@ pub(super) fn draw(view: &View, ink: Ink, area: Rect, buffer: &mut Buffer) {
     }
 }
 
-/// Column and row of a place on the floor.
+/// Column and row of a place on the floor; y goes up, as in all pictures of a maze.
 pub(super) fn cell(floor: &Floor, place: [f64; 2], area: Rect) -> (u16, u16) {
-    let [left, top, right, bottom] = floor.bounds;
+    let [left, low, right, high] = floor.bounds;
     let along = |at: f64, from: f64, to: f64, cells: u16| {
         let cell = (at - from) / (to - from) * f64::from(cells);
         (cell as u16).min(cells.saturating_sub(1))
     };
     (
         area.x + along(place[0], left, right, area.width),
-        area.y + along(place[1], top, bottom, area.height),
+        area.y + along(-place[1], -high, -low, area.height),
     )
 }

@@ -131,12 +131,13 @@ fn ants_are_where_they_are_in_the_maze() {
         dots.map(|(x, y)| (x, y, buffer[(x + 1, y)].symbol().to_owned()))
             .collect::<Vec<_>>()
     };
-    // A cell is 12 columns and 6 rows; the origin is the start's centre, in the first of both.
-    assert_eq!(dots(&view), [(30, 15, "1".to_owned())]);
+    // A cell is 12 columns and 6 rows, y goes up; the origin is the start's centre, in the first
+    // column and the last row of cells.
+    assert_eq!(dots(&view), [(30, 3, "1".to_owned())]);
     view.ants[0].way = vec![[0.0, 0.0]];
-    assert_eq!(dots(&view), [(6, 3, "1".to_owned())]);
+    assert_eq!(dots(&view), [(6, 15, "1".to_owned())]);
     view.ants[0].way = vec![[-1.9, 9.9]];
-    assert_eq!(dots(&view), [(0, 17, "1".to_owned())]);
+    assert_eq!(dots(&view), [(0, 0, "1".to_owned())]);
     for nowhere in [
         [f32::NAN, 0.0],
         [0.0, f32::INFINITY],

@@ -85,9 +85,9 @@ pub(crate) struct Ant {
     pub(crate) way: Vec<[f32; 2]>,
 }
 
-/// The maze as seen from above; x to the right, y down, as the run file draws it.
+/// The maze as seen from above; x to the right, y up, as in all pictures of it.
 pub(crate) struct Floor {
-    /// Left, top, right, bottom of all that can be walked on (m).
+    /// Least x and y, greatest x and y of all that can be walked on (m).
     pub(crate) bounds: [f64; 4],
     /// Where floor and wall meet: both ends of a line (m).
     pub(crate) walls: Vec<[f64; 4]>,
@@ -103,12 +103,12 @@ impl Floor {
         let mut bounds = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
         for cell in layout.free_cells() {
             let [x, y] = centre(cell);
-            let [left, top, right, bottom] = bounds;
+            let [left, low, right, high] = bounds;
             bounds = [
                 left.min(x - half),
-                top.min(y - half),
+                low.min(y - half),
                 right.max(x + half),
-                bottom.max(y + half),
+                high.max(y + half),
             ];
             let sides = [(0, 1), (1, 0), (0, usize::MAX), (usize::MAX, 0)];
             for (down, along) in sides {
@@ -141,8 +141,8 @@ impl Floor {
     /// Whether an ant can be at a place: anyone may say anything on a channel.
     pub(crate) fn holds(&self, place: [f32; 2]) -> bool {
         let [x, y] = place.map(f64::from);
-        let [left, top, right, bottom] = self.bounds;
+        let [left, low, right, high] = self.bounds;
         // False where one is not a number.
-        (left..=right).contains(&x) && (top..=bottom).contains(&y)
+        (left..=right).contains(&x) && (low..=high).contains(&y)
     }
 }
