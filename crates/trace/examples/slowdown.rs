@@ -1,11 +1,10 @@
-//! What a trace costs the simulation that is traced, in processor time: of the simulating thread
-//! without and with one, in turns, and of the thread that writes.
+//! What traces cost the simulation that is traced: the time of episodes without and with them, in
+//! turns, on one core and with every core busy; and the processor time of the thread that writes.
 //!
-//! `cargo run --release -p trace --example slowdown [THREADS]`. Processor time (Linux: schedstat)
-//! tells the same whatever else the machine is doing. Where no core is free for the writers, a
-//! simulation waits for them too: the sum of both is the bound.
+//! `cargo run --release -p trace --example slowdown`, on a machine that does nothing else.
 
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use maze::{AntMaze, Layout, Physics};
 use rand::{RngExt, SeedableRng};
@@ -14,119 +13,122 @@ use trace::{
     ChoiceRecord, EndRecord, Episode, EpisodeMeta, Recorder, Scene, StartRecord, StepRecord,
 };
 
-/// Steps of an episode, and episodes of a turn.
+/// Steps of an episode; a turn is one without and one with a trace.
 const STEPS: u32 = 300;
-const EPISODES: u32 = 10;
-const TURNS: usize = 15;
+const TURNS: usize = 80;
 /// Steps between choices.
 const CHOICE: u32 = 15;
 
+/// A trace's name.
+const TRACE: &str = "episode.mcap";
+
 type Failure = Box<dyn std::error::Error>;
+
+/// A simulating thread's own.
+struct Bench {
+    ant: AntMaze,
+    recorder: Recorder,
+    folder: PathBuf,
+}
 
 fn main() -> Result<(), Failure> {
     let folder = std::env::temp_dir().join(format!("formica-slowdown-{}", std::process::id()));
-    std::fs::create_dir_all(&folder)?;
     let layout = Layout::named("large")?;
-    let mut ant = AntMaze::new(&layout, Physics::MAZE);
-    let (mut simulating, mut writing) = (vec![], vec![]);
-    // The first turn warms up.
-    for turn in 0..=TURNS {
-        let without = turn_of(&mut ant, &layout, None)?;
-        let mut recorder = Recorder::new(|told| eprintln!("{told}"))?;
-        let before = processor_seconds("/proc/self")?;
-        let own = processor_seconds("/proc/thread-self")?;
-        let with = turn_of(&mut ant, &layout, Some((&mut recorder, &folder)))?;
-        let all = processor_seconds("/proc/self")? - before;
-        let own = processor_seconds("/proc/thread-self")? - own;
-        if turn > 0 {
-            simulating.push([without, with]);
-            writing.push((all - own) / without);
+    let cores = std::thread::available_parallelism()?.get();
+    let mut benches = vec![];
+    for core in 0..cores {
+        let folder = folder.join(core.to_string());
+        std::fs::create_dir_all(&folder)?;
+        benches.push(Bench {
+            ant: AntMaze::new(&layout, Physics::MAZE),
+            recorder: Recorder::new(|told| eprintln!("{told}"))?,
+            folder,
+        });
+    }
+    for count in [1, cores] {
+        let (mut times, mut writing) = ([vec![], vec![]], vec![]);
+        // The first turn warms up.
+        for turn in 0..=TURNS {
+            for traced in [false, true] {
+                let [took, written] = timed(&mut benches[..count], &layout, traced)?;
+                if turn > 0 {
+                    times[usize::from(traced)].push(took);
+                    if traced {
+                        writing.push(written);
+                    }
+                }
+            }
         }
+        let [without, with] = times.map(median);
+        println!(
+            "{count} of {cores} cores: {:.0} steps/s; with traces slower by {:.2}%; to write them \
+             takes {:.1}% of its time",
+            f64::from(STEPS) * count as f64 / without,
+            100.0 * (with / without - 1.0),
+            100.0 * median(writing) / (without * count as f64),
+        );
     }
     std::fs::remove_dir_all(&folder)?;
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        [values[TURNS / 4], values[TURNS / 2], values[TURNS * 3 / 4]]
-    };
-    let steps = f64::from(STEPS * EPISODES);
-    let [_, rate, _] = median(
-        simulating
-            .iter()
-            .map(|[without, _]| without / steps)
-            .collect(),
-    );
-    println!("simulation: {:.1} us a step", 1e6 * rate);
-    let slower = simulating
-        .iter()
-        .map(|[without, with]| with / without - 1.0);
-    for (told, shares) in [
-        ("slower by", slower.collect()),
-        ("the writer takes, of the simulation's time,", writing),
-    ] {
-        let [low, middle, high] = median(shares).map(|share| 100.0 * share);
-        println!("{told} {middle:.2}% (quartiles {low:.2}, {high:.2}; {TURNS} turns)");
-    }
     Ok(())
 }
 
-/// Processor time that a process or thread has had (s).
-fn processor_seconds(of: &str) -> Result<f64, Failure> {
-    // Of a process the file tells its first thread alone.
-    let files: Vec<PathBuf> = match of {
-        "/proc/self" => std::fs::read_dir("/proc/self/task")?
-            .flatten()
-            .map(|task| task.path().join("schedstat"))
-            .collect(),
-        _ => vec![Path::new(of).join("schedstat")],
-    };
+/// Of many short turns the median does not mind that a machine is at times taken by others.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Time until all threads have played an episode, and processor time that writing it took (s).
+fn timed(benches: &mut [Bench], layout: &Layout, traced: bool) -> Result<[f64; 2], Failure> {
+    let before = writers()?;
+    let start = Instant::now();
+    std::thread::scope(|scope| {
+        for bench in benches.iter_mut() {
+            scope.spawn(move || {
+                let mut rng = Pcg64Mcg::seed_from_u64(0);
+                play(bench, layout, &mut rng, traced);
+            });
+        }
+    });
+    let took = start.elapsed().as_secs_f64();
+    if traced {
+        for bench in benches {
+            let trace = bench.folder.join(TRACE);
+            while !trace.exists() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            std::fs::remove_file(trace)?;
+        }
+    }
+    Ok([took, writers()? - before])
+}
+
+/// Processor time that the writing threads have had (s; Linux).
+fn writers() -> Result<f64, Failure> {
     let mut nanoseconds = 0.0;
-    for file in files {
-        let text = std::fs::read_to_string(file)?;
-        let first = text.split(' ').next().unwrap_or_default();
-        nanoseconds += first.parse::<f64>()?;
+    for task in std::fs::read_dir("/proc/self/task")?.flatten() {
+        // A thread that has just ended has no files left.
+        let read = |name: &str| std::fs::read_to_string(task.path().join(name)).unwrap_or_default();
+        if read("comm").trim_end() == "trace" {
+            let text = read("schedstat");
+            nanoseconds += text.split(' ').next().unwrap_or_default().parse::<f64>()?;
+        }
     }
     Ok(1e-9 * nanoseconds)
 }
 
-/// Plays some episodes and waits until their traces are written; processor time that this thread
-/// took to play (s).
-fn turn_of(
-    ant: &mut AntMaze,
-    layout: &Layout,
-    mut traced: Option<(&mut Recorder, &PathBuf)>,
-) -> Result<f64, Failure> {
-    let start = processor_seconds("/proc/thread-self")?;
-    for episode in 0..EPISODES {
-        let mut rng = Pcg64Mcg::seed_from_u64(u64::from(episode));
-        let traced = traced.as_mut().map(|(recorder, folder)| {
-            let path = folder.join(format!("{episode}.mcap"));
-            (&mut **recorder, path)
-        });
-        play(ant, layout, &mut rng, traced);
-    }
-    let took = processor_seconds("/proc/thread-self")? - start;
-    if let Some((recorder, folder)) = &mut traced {
-        // The last file is there when all before it is written.
-        let last = folder.join(format!("{}.mcap", EPISODES - 1));
-        while recorder.is_open() || !last.exists() {
-            std::thread::sleep(std::time::Duration::from_millis(1));
-        }
-        std::fs::remove_file(last)?;
-    }
-    Ok(took)
-}
-
-fn play(
-    ant: &mut AntMaze,
-    layout: &Layout,
-    rng: &mut Pcg64Mcg,
-    mut traced: Option<(&mut Recorder, PathBuf)>,
-) {
+fn play(bench: &mut Bench, layout: &Layout, rng: &mut Pcg64Mcg, traced: bool) {
+    let Bench {
+        ant,
+        recorder,
+        folder,
+    } = bench;
     let start = ant.reset([0.0, 0.0], rng);
-    if let Some((recorder, path)) = &mut traced {
+    if traced {
+        let path: &Path = &folder.join(TRACE);
         recorder.begin(Episode {
+            path: path.to_path_buf(),
             part: path.with_extension("part"),
-            path: path.clone(),
             meta: EpisodeMeta::default(),
             scene: scene(layout),
             start: StartRecord {
@@ -135,11 +137,13 @@ fn play(
             },
         });
     }
+    let traced = recorder.is_open();
     for step in 0..STEPS {
+        let observation = ant.observation();
         let action = std::array::from_fn(|_| rng.random_range(-1.0..=1.0));
-        let record = traced.is_some().then(|| StepRecord {
+        let record = traced.then(|| StepRecord {
             step,
-            observation: ant.observation(),
+            observation,
             action,
             reward: 0.0,
             node: 0,
@@ -147,7 +151,7 @@ fn play(
             subgoal: [4.0, 0.0],
             bodies: ant.body_poses(),
         });
-        if let Some((recorder, _)) = traced.as_mut().filter(|_| step % CHOICE == 0) {
+        if traced && step % CHOICE == 0 {
             recorder.choice(ChoiceRecord {
                 step,
                 node: 0,
@@ -159,11 +163,11 @@ fn play(
             });
         }
         ant.step(&action);
-        if let (Some((recorder, _)), Some(record)) = (&mut traced, record) {
+        if let Some(record) = record {
             recorder.step(record);
         }
     }
-    if let Some((recorder, _)) = &mut traced {
+    if traced {
         recorder.end(EndRecord {
             success: false,
             fell: false,

@@ -1,6 +1,10 @@
-//! Traces written by a thread of their own, so that whoever simulates never waits for a disk.
+//! Traces written by a thread of their own, so that whoever simulates never waits for a disk within
+//! an episode. The thread has the lowest priority: where all cores are busy, it gets one or two
+//! hundredths of one, and what it has not written waits in the queue.
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender, TryRecvError, TrySendError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -10,11 +14,17 @@ use crate::scene::Scene;
 use crate::write::EpisodeWriter;
 use crate::{EpisodeMeta, TraceError};
 
-/// Places in the queue, allocated once: more than four episodes.
-const QUEUE: usize = 4096;
-/// The thread is woken for so many records at a time: to wake it for each would cost the simulation
-/// more than all else.
-const WAKE: u32 = 256;
+/// Places in the queue, allocated once: more than eight episodes.
+const QUEUE: usize = 8192;
+/// An episode begins when so many places are free,
+const ROOM: u64 = QUEUE as u64 / 2;
+/// or leaves no trace when they are not for so long.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Nice, as far as it goes.
+const LOWEST_PRIORITY: i32 = 19;
+/// The thread is woken for so many records at a time. Whoever wakes gets a slice of a few
+/// milliseconds, whatever its priority: to wake it often would take them from the simulation.
+const WAKE: u32 = QUEUE as u32 / 4;
 /// And looks by itself so often, for what is to be on disk within a second.
 const LOOK: Duration = Duration::from_millis(250);
 
@@ -53,8 +63,11 @@ pub struct Recorder {
     thread: Option<JoinHandle<()>>,
     /// Whether an episode is being traced.
     open: bool,
+    /// Records put into the queue, and taken from it.
+    sent: u64,
+    taken: Arc<AtomicU64>,
     /// Records since the thread was woken.
-    sent: u32,
+    quiet: u32,
     warn: fn(&str),
 }
 
@@ -65,10 +78,15 @@ impl Recorder {
     /// No more threads.
     pub fn new(warn: fn(&str)) -> std::io::Result<Self> {
         let (queue, jobs) = mpsc::sync_channel(QUEUE);
+        let taken = Arc::new(AtomicU64::new(0));
+        let count = Arc::clone(&taken);
         let thread = std::thread::Builder::new()
             .name("trace".to_owned())
             .spawn(move || {
+                // Of the calling thread alone, on Linux. Without it all works, less well.
+                let _ = rustix::process::setpriority_process(None, LOWEST_PRIORITY);
                 Writer {
+                    taken: count,
                     episode: None,
                     failed: false,
                     warn,
@@ -80,6 +98,8 @@ impl Recorder {
             thread: Some(thread),
             open: false,
             sent: 0,
+            taken,
+            quiet: 0,
             warn,
         })
     }
@@ -90,8 +110,18 @@ impl Recorder {
         self.open
     }
 
-    /// Begins a trace.
+    /// Begins a trace, once there is room for it: between episodes the simulation waits for the
+    /// thread, a little, rather than lose a trace.
     pub fn begin(&mut self, episode: Episode) {
+        let start = Instant::now();
+        while self.sent - self.taken.load(Ordering::Relaxed) > ROOM {
+            if start.elapsed() > PATIENCE {
+                (self.warn)("no trace: the disk is slower than the simulation");
+                return;
+            }
+            self.wake();
+            std::thread::sleep(Duration::from_millis(2));
+        }
         self.open = true;
         self.send(Job::Begin(Box::new(episode)));
     }
@@ -115,7 +145,6 @@ impl Recorder {
     pub fn end(&mut self, record: EndRecord) {
         self.send(Job::End(Box::new(record)));
         self.open = false;
-        self.wake();
     }
 
     /// Gives the trace up.
@@ -125,7 +154,7 @@ impl Recorder {
     }
 
     fn wake(&mut self) {
-        self.sent = 0;
+        self.quiet = 0;
         if let Some(thread) = &self.thread {
             thread.thread().unpark();
         }
@@ -138,7 +167,8 @@ impl Recorder {
         match queue.try_send(job) {
             Ok(()) => {
                 self.sent += 1;
-                if self.sent >= WAKE {
+                self.quiet += 1;
+                if self.quiet >= WAKE {
                     self.wake();
                 }
             }
@@ -165,6 +195,7 @@ impl Drop for Recorder {
 
 /// The thread's side.
 struct Writer {
+    taken: Arc<AtomicU64>,
     episode: Option<EpisodeWriter>,
     /// Whether the last trace failed, which was told.
     failed: bool,
@@ -175,7 +206,10 @@ impl Writer {
     fn work(&mut self, jobs: &Receiver<Job>) {
         loop {
             match jobs.try_recv() {
-                Ok(job) => self.take(job),
+                Ok(job) => {
+                    self.taken.fetch_add(1, Ordering::Relaxed);
+                    self.take(job);
+                }
                 Err(TryRecvError::Empty) => {
                     let due = |writer: &EpisodeWriter| Instant::now() >= writer.flush_due();
                     if self.episode.as_ref().is_some_and(due) {

@@ -334,12 +334,19 @@ fn a_recorder_never_waits_for_a_disk() {
         told += 1;
         assert!(told < 10_000, "the queue has no end");
     }
+    // The next one waits for a moment only.
+    recorder.begin(episode(folder.path().join("next.mcap")));
+    assert!(!recorder.is_open());
     // The other end opens and closes; the thread goes on, and the trace is given up.
     let reader = std::thread::spawn(move || fs::read(&pipe));
-    recorder.begin(episode(folder.path().join("next.mcap")));
-    drop(recorder);
     let _ = reader.join().unwrap();
+    let last = folder.path().join("last.mcap");
+    recorder.begin(episode(last.clone()));
+    recorder.step(record(0));
+    recorder.end(end(1));
+    drop(recorder);
     assert!(!folder.path().join("slow.mcap").exists());
+    assert_eq!(summary(&last).unwrap().steps.len(), 1);
 }
 
 #[cfg(target_os = "linux")]
