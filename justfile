@@ -27,6 +27,15 @@ chaos:
 soak:
     cargo test --package system-tests --test chaos -- --ignored long_soak --nocapture
 
+# What a trace costs the simulation that is traced
+slowdown:
+    cargo run --release -p trace --example slowdown
+
+# A small run's files, read by the tools of others (PyPI's mcap, rerun-sdk, tensorboard)
+foreign:
+    cargo build --workspace
+    bash tests/foreign/run
+
 # Dependencies against the rules of deny.toml (needs cargo-deny)
 deny:
     cargo deny check

@@ -22,7 +22,15 @@ const SECTIONS: [&str; 8] = [
     "config",
 ];
 /// Figures of a run that is over.
-const FIGURES: [&str; 6] = ["curves", "graph", "paths", "times", "lag", "losses"];
+const FIGURES: [&str; 7] = [
+    "curves",
+    "graph",
+    "paths",
+    "times",
+    "throughput",
+    "lag",
+    "losses",
+];
 
 /// A run's folder under runs/: an episode every ten seconds, the last half of them at the goal.
 fn run(folder: &Path, name: &str, seed: u32, score: Option<f64>) {

@@ -56,7 +56,8 @@ enum Job {
     Discard,
 }
 
-/// Takes records and never waits: where the disk cannot follow, the trace is given up.
+/// Takes records, and never waits within an episode: where the disk cannot follow, the trace is given
+/// up.
 pub struct Recorder {
     /// None while it is dropped.
     queue: Option<SyncSender<Job>>,

@@ -181,10 +181,7 @@ pub(crate) fn paths(groups: &[Group]) -> String {
     let several = groups.len() > 1 || groups.iter().any(|group| group.runs.len() > 1);
     let mut pictures = vec![];
     let all = episodes.len();
-    for episode in &episodes {
-        if pictures.len() == PATHS {
-            break;
-        }
+    for episode in shown_of(&episodes) {
         match walked(episode, several) {
             Ok(svg) => pictures.push(svg),
             Err(error) => {
@@ -208,6 +205,18 @@ pub(crate) fn paths(groups: &[Group]) -> String {
     }
     faults.dedup();
     body + &told(&faults)
+}
+
+/// Failures first, but no more than half of what there is room for where that leaves successes
+/// unseen.
+fn shown_of<'e, 'r>(episodes: &'e [Walked<'r>]) -> impl Iterator<Item = &'e Walked<'r>> {
+    let failures = episodes.iter().filter(|episode| !episode.success).count();
+    let successes = episodes.len() - failures;
+    let failed = failures.min(PATHS.saturating_sub(successes).max(PATHS / 2));
+    let (lost, won) = episodes.split_at(failures);
+    lost.iter()
+        .take(failed)
+        .chain(won.iter().take(PATHS - failed))
 }
 
 /// The picture of an episode.
