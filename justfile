@@ -27,6 +27,13 @@ chaos:
 soak:
     cargo test --package system-tests --test chaos -- --ignored long_soak --nocapture
 
+# `formica watch`, which CI does not build: checked, built, and asked by a client (PyPI's websockets)
+live run:
+    cargo clippy --workspace --all-targets --features launcher/live -- -D warnings
+    cargo build --workspace --features launcher/live
+    ./target/debug/formica watch {{run}} & watch=$!; sleep 2; \
+      python3 tests/foreign/check_watch.py; code=$?; kill -INT $watch; exit $code
+
 # What a trace costs the simulation that is traced
 slowdown:
     cargo run --release -p trace --example slowdown

@@ -23,6 +23,8 @@ const LOOK: Duration = Duration::from_millis(50);
 /// A server that any Foxglove or Lichtblick on this machine connects to.
 pub struct Server {
     handle: WebSocketServerHandle,
+    /// Channels live as long as it does.
+    _context: Arc<Context>,
     channels: Vec<Arc<RawChannel>>,
 }
 
@@ -56,6 +58,7 @@ impl Server {
         let channels: Result<_, _> = Topic::ALL.into_iter().map(channel).collect();
         Ok(Self {
             handle,
+            _context: context,
             channels: channels.map_err(refused)?,
         })
     }
