@@ -58,7 +58,8 @@ fn a_full_disk_costs_states_but_not_the_run() {
     let folder = tempfile::tempdir().unwrap();
     collect(folder.path());
     std::fs::create_dir(folder.path().join("runs")).unwrap();
-    // The states of the high level are larger than this; weights and traces are not.
+    // The states of the high level are larger than this; weights are not, and no trace is begun
+    // on what is left.
     let script = format!(
         "'{}' launch small.toml --set high.hidden='[512, 512]' --set run.checkpoint_seconds=0.2\n\
          code=$?\ncat runs/small/logs/*\nls runs/small/checkpoints\nexit $code",
@@ -75,6 +76,7 @@ fn a_full_disk_costs_states_but_not_the_run() {
     );
     assert!(told.contains("No space left on device"), "{told}");
     assert!(told.contains("high.safetensors"), "{told}");
+    assert!(told.contains("are not for traces"), "{told}");
     assert!(!told.contains(".part"), "{told}");
 }
 

@@ -190,6 +190,11 @@ fn host(
     let report = outcome.and_then(|()| run.report());
     drop(run);
     domain.remove();
+    // After the score, which a disk may hold no more with them.
+    let recovered = recovery::sweep(folder, config.topology.actors);
+    if recovered > 0 {
+        progress.say(&format!("traces of killed actors recovered: {recovered}"));
+    }
     // Last: a terminal that takes nothing holds nothing else up.
     progress.close();
     report
@@ -612,11 +617,6 @@ impl Run<'_> {
     /// Says how it went, and writes it down.
     fn report(&mut self) -> anyhow::Result<ExitCode> {
         self.save();
-        let recovered = recovery::sweep(self.folder, self.config.topology.actors);
-        if recovered > 0 {
-            self.progress
-                .say(&format!("traces of killed actors recovered: {recovered}"));
-        }
         let readers = &self.bus.limits().readers;
         let (text, agree) = self.accounts.settle(self.folder, readers);
         self.progress.say(&text);

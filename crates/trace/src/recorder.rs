@@ -2,7 +2,7 @@
 //! an episode. The thread has the lowest priority: where all cores are busy, it gets one or two
 //! hundredths of one, and what it has not written waits in the queue.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender, TryRecvError, TrySendError};
@@ -20,6 +20,8 @@ const QUEUE: usize = 8192;
 const ROOM: u64 = QUEUE as u64 / 2;
 /// or leaves no trace when they are not for so long.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// Traces leave so much of a disk (bytes) to what matters more: states, weights, the score.
+const RESERVE: u64 = 64 << 20;
 /// Nice, as far as it goes.
 const LOWEST_PRIORITY: i32 = 19;
 /// The thread is woken for so many records at a time. Whoever wakes gets a slice of a few
@@ -194,6 +196,27 @@ impl Drop for Recorder {
     }
 }
 
+/// Whether a trace's disk has more room than is kept from it.
+fn has_room(path: &Path) -> Result<(), TraceError> {
+    let folder = path.parent().unwrap_or(path);
+    // Where nobody can tell, writing will.
+    let Ok(disk) = rustix::fs::statvfs(folder) else {
+        return Ok(());
+    };
+    let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+    if free >= RESERVE {
+        return Ok(());
+    }
+    Err(TraceError::Mcap {
+        path: path.display().to_string(),
+        reason: format!(
+            "its disk has {} MiB free, and the last {} are not for traces; free some",
+            free >> 20,
+            RESERVE >> 20
+        ),
+    })
+}
+
 /// The thread's side.
 struct Writer {
     taken: Arc<AtomicU64>,
@@ -236,7 +259,9 @@ impl Writer {
                     scene,
                     start,
                 } = *episode;
-                match EpisodeWriter::begin(&path, part, &meta, scene, &start) {
+                let begun = has_room(&path)
+                    .and_then(|()| EpisodeWriter::begin(&path, part, &meta, scene, &start));
+                match begun {
                     Ok(writer) => self.episode = Some(writer),
                     Err(error) => self.fail(&error),
                 }
