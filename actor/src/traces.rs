@@ -148,15 +148,11 @@ impl<'a> Traces<'a> {
 
     fn scene(&self, task: &Task, navigator: &Navigator) -> Scene {
         let graph = navigator.graph();
-        let edges = (0..graph.len() as u32).flat_map(|node| {
-            let neighbours = graph.neighbours(node).iter();
-            neighbours.map(move |edge| (node, edge.to))
-        });
         Scene {
             walls: self.layout.boxes(),
             wall_height: WALL_HEIGHT,
             nodes: graph.places.clone(),
-            edges: edges.collect(),
+            edges: graph.pairs(),
             goal: task.goal,
             goal_radius: self.config.evaluation.success_radius as f32,
         }

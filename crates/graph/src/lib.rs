@@ -94,6 +94,17 @@ impl Graph {
         }
     }
 
+    /// Every edge as its two nodes, in the order of the first.
+    #[must_use]
+    pub fn pairs(&self) -> Vec<(u32, u32)> {
+        let of = |node| {
+            self.neighbours(node)
+                .iter()
+                .map(move |edge| (node, edge.to))
+        };
+        (0..self.len() as u32).flat_map(of).collect()
+    }
+
     /// A node's out-edges.
     #[must_use]
     pub fn neighbours(&self, node: u32) -> &[Edge] {

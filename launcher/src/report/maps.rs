@@ -48,17 +48,6 @@ fn newest(run: &Recorded) -> Result<Graph, String> {
     })
 }
 
-fn pairs(graph: &Graph) -> Vec<(u32, u32)> {
-    (0..graph.len() as u32)
-        .flat_map(|node| {
-            graph
-                .neighbours(node)
-                .iter()
-                .map(move |edge| (node, edge.to))
-        })
-        .collect()
-}
-
 /// Sentences on what could not be shown.
 fn told(faults: &[String]) -> String {
     faults.iter().map(|fault| absent(fault)).collect()
@@ -89,7 +78,7 @@ pub(crate) fn graphs(groups: &[Group]) -> String {
                 continue;
             }
         };
-        let edges = pairs(&graph);
+        let edges = graph.pairs();
         let picture = Picture {
             title: run.name.clone(),
             subtitle: format!(
