@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, SyncSender, TryRecvError, TrySendError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -50,12 +50,12 @@ pub struct Episode {
     reason = "most are steps, and a box would be an allocation in the step loop"
 )]
 enum Job {
-    Begin(Box<Episode>),
+    /// An episode, and whether it was given up meanwhile.
+    Begin(Box<Episode>, Arc<AtomicBool>),
     Outcome(OutcomeRecord),
     Choice(ChoiceRecord),
     Step(StepRecord),
     End(Box<EndRecord>),
-    Discard,
 }
 
 /// Takes records, and never waits within an episode: where the disk cannot follow, the trace is given
@@ -66,6 +66,8 @@ pub struct Recorder {
     thread: Option<JoinHandle<()>>,
     /// Whether an episode is being traced.
     open: bool,
+    /// Whether the episode that was begun last is given up.
+    discarded: Arc<AtomicBool>,
     /// Records put into the queue, and taken from it.
     sent: u64,
     taken: Arc<AtomicU64>,
@@ -90,6 +92,7 @@ impl Recorder {
                 let _ = rustix::process::setpriority_process(None, LOWEST_PRIORITY);
                 Writer {
                     taken: count,
+                    discarded: Arc::default(),
                     episode: None,
                     failed: false,
                     warn,
@@ -100,6 +103,7 @@ impl Recorder {
             queue: Some(queue),
             thread: Some(thread),
             open: false,
+            discarded: Arc::default(),
             sent: 0,
             taken,
             quiet: 0,
@@ -126,7 +130,8 @@ impl Recorder {
             std::thread::sleep(Duration::from_millis(2));
         }
         self.open = true;
-        self.send(Job::Begin(Box::new(episode)));
+        self.discarded = Arc::default();
+        self.send(Job::Begin(Box::new(episode), Arc::clone(&self.discarded)));
     }
 
     /// Tells what became of a choice.
@@ -150,10 +155,12 @@ impl Recorder {
         self.open = false;
     }
 
-    /// Gives the trace up.
+    /// Gives the trace up, with what of it waits in the queue: on full cores that is seconds of
+    /// work, and whoever is told to end has not got them.
     pub fn discard(&mut self) {
-        self.send(Job::Discard);
+        self.discarded.store(true, Ordering::Relaxed);
         self.open = false;
+        self.wake();
     }
 
     fn wake(&mut self) {
@@ -186,8 +193,11 @@ impl Recorder {
 }
 
 impl Drop for Recorder {
-    /// Waits for what is in the queue to be written.
+    /// Waits for whole episodes in the queue to be written.
     fn drop(&mut self) {
+        if self.open {
+            self.discard();
+        }
         self.queue = None;
         self.wake();
         if let Some(thread) = self.thread.take() {
@@ -220,6 +230,8 @@ fn has_room(path: &Path) -> Result<(), TraceError> {
 /// The thread's side.
 struct Writer {
     taken: Arc<AtomicU64>,
+    /// Whether the episode that was taken last is given up.
+    discarded: Arc<AtomicBool>,
     episode: Option<EpisodeWriter>,
     /// Whether the last trace failed, which was told.
     failed: bool,
@@ -235,6 +247,7 @@ impl Writer {
                     self.take(job);
                 }
                 Err(TryRecvError::Empty) => {
+                    self.discard_if_told();
                     let due = |writer: &EpisodeWriter| Instant::now() >= writer.flush_due();
                     if self.episode.as_ref().is_some_and(due) {
                         self.write(EpisodeWriter::flush);
@@ -249,9 +262,15 @@ impl Writer {
     }
 
     fn take(&mut self, job: Job) {
+        if let Job::Begin(_, discarded) = &job {
+            // The end of the last one never came.
+            self.discard();
+            self.discarded = Arc::clone(discarded);
+        }
+        self.discard_if_told();
         match job {
-            Job::Begin(episode) => {
-                self.discard();
+            Job::Begin(..) if self.discarded.load(Ordering::Relaxed) => {}
+            Job::Begin(episode, _) => {
                 let Episode {
                     path,
                     part,
@@ -274,7 +293,6 @@ impl Writer {
                 Some(Ok(_)) => self.failed = false,
                 None => {}
             },
-            Job::Discard => self.discard(),
         }
     }
 
@@ -292,9 +310,55 @@ impl Writer {
         self.failed = true;
     }
 
+    fn discard_if_told(&mut self) {
+        if self.episode.is_some() && self.discarded.load(Ordering::Relaxed) {
+            self.discard();
+        }
+    }
+
     fn discard(&mut self) {
         if let Some(writer) = self.episode.take() {
             writer.discard();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_waits_of_an_episode_that_was_given_up_is_not_written() {
+        let episode = |number: u32| {
+            let path = PathBuf::from(format!("/no such folder/{number}.mcap"));
+            let part = path.with_extension("part");
+            Box::new(Episode {
+                path,
+                part,
+                meta: EpisodeMeta::default(),
+                scene: Scene::default(),
+                start: StartRecord {
+                    state: [0.0; 29],
+                    exits: 0,
+                },
+            })
+        };
+        let (queue, jobs) = mpsc::sync_channel(4);
+        for (number, discarded) in [(1, true), (2, true), (3, false)] {
+            let discarded = Arc::new(AtomicBool::new(discarded));
+            let job = Job::Begin(episode(number), discarded);
+            assert!(queue.send(job).is_ok());
+        }
+        drop(queue);
+        let told = |told: &str| assert!(told.contains("/3.mcap"), "{told}");
+        let mut writer = Writer {
+            taken: Arc::default(),
+            discarded: Arc::default(),
+            episode: None,
+            failed: false,
+            warn: told,
+        };
+        writer.work(&jobs);
+        assert!(writer.failed, "the third was tried");
     }
 }

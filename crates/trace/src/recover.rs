@@ -26,9 +26,16 @@ pub struct Recovered {
 /// reads it again to see that it is.
 ///
 /// # Errors
-/// What the system refuses, and a file of which nothing is whole that says which episode it is of.
+/// What the system refuses, and a file of which nothing is whole: its first chunk says how the
+/// episode starts.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, TraceError> {
     let before = read(from)?;
+    if before.start.is_none() {
+        return Err(TraceError::Mcap {
+            path: from.display().to_string(),
+            reason: "it was cut off before its first chunk was whole".to_owned(),
+        });
+    }
     let mut part = OsString::from(to.as_os_str());
     // Never the file that is read: X.mcap.part may well go to X.mcap.
     part.push(".recovering");

@@ -260,8 +260,9 @@ fn damage_is_an_error_never_a_panic() {
             summary(&damaged).is_err() && steps(&damaged).is_err(),
             "cut at {i}/64"
         );
-        // Whatever is readable can be recovered.
-        assert_eq!(read(&damaged).is_ok(), recover(&damaged, &again).is_ok());
+        // Whatever says how the episode starts can be recovered.
+        let starts = read(&damaged).is_ok_and(|trace| trace.start.is_some());
+        assert_eq!(starts, recover(&damaged, &again).is_ok());
     }
     // A flipped bit outside of what checksums cover may pass, but never kill.
     let mut caught = 0;
