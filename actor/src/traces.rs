@@ -3,13 +3,14 @@
 use std::fs::DirBuilder;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use agents::navigator::{Decision, Navigator};
 use config::Config;
 use maze::{AntMaze, Layout, Observation, Start, Task, WALL_HEIGHT, upright};
 use trace::{
-    ChoiceRecord, EndRecord, Episode, EpisodeMeta, OutcomeRecord, Recorder, Scene, StartRecord,
-    StepRecord,
+    Behind, ChoiceRecord, EndRecord, Episode, EpisodeMeta, OutcomeRecord, Recorder, Scene,
+    StartRecord, StepRecord, Still,
 };
 
 use crate::inbox::Versions;
@@ -33,6 +34,8 @@ pub(crate) struct Traces<'a> {
     actor: u32,
     /// None where no episode leaves a trace.
     recorder: Option<Recorder>,
+    /// The world with the graph of a version.
+    still: Option<(u64, Arc<Still>)>,
 }
 
 impl<'a> Traces<'a> {
@@ -52,6 +55,7 @@ impl<'a> Traces<'a> {
             folder: folder.join("traces"),
             actor,
             recorder,
+            still: None,
         })
     }
 
@@ -131,31 +135,40 @@ impl<'a> Traces<'a> {
             graph_version,
             success_radius: config.evaluation.success_radius as f32,
         };
-        let scene = self.scene(task, navigator);
+        let still = self.still(graph_version, navigator);
+        let behind = match numbered {
+            Numbered::Evaluation(_) => Behind::Wait,
+            Numbered::Round(..) | Numbered::Own(_) => Behind::Skip,
+        };
         if let Some(recorder) = &mut self.recorder {
-            recorder.begin(Episode {
+            let episode = Episode {
                 path,
                 part,
                 meta,
-                scene,
+                still,
                 start: StartRecord {
                     state: start.observation,
                     exits: start.exits,
                 },
-            });
+            };
+            recorder.begin(episode, behind);
         }
     }
 
-    fn scene(&self, task: &Task, navigator: &Navigator) -> Scene {
+    /// The world with a graph, made anew for a new graph alone.
+    fn still(&mut self, graph_version: u64, navigator: &Navigator) -> Arc<Still> {
+        if let Some((_, still)) = self.still.as_ref().filter(|(v, _)| *v == graph_version) {
+            return Arc::clone(still);
+        }
         let graph = navigator.graph();
-        Scene {
+        let still = Arc::new(Still::new(Scene {
             walls: self.layout.boxes(),
             wall_height: WALL_HEIGHT,
             nodes: graph.places.clone(),
             edges: graph.pairs(),
-            goal: task.goal,
-            goal_radius: self.config.evaluation.success_radius as f32,
-        }
+        }));
+        self.still = Some((graph_version, Arc::clone(&still)));
+        still
     }
 
     fn recorder(&mut self) -> Option<&mut Recorder> {

@@ -52,7 +52,7 @@ def check(path):
         statistics = reader.get_summary().statistics
         assert statistics.message_count == counts.total(), "the statistics tell another count"
         compression = {index.compression for index in reader.get_summary().chunk_indexes}
-        assert compression == {"zstd"}, f"chunks compressed with {compression}"
+        assert compression == {"lz4"}, f"chunks compressed with {compression}"
     print(path)
     for topic, count in sorted(counts.items()):
         print(f"  {topic:14} {count}")

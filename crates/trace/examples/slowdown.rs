@@ -1,147 +1,179 @@
-//! What traces cost the simulation that is traced: the time of episodes without and with them, in
-//! turns, on one core and with every core busy; and the processor time of the thread that writes.
+//! What traces cost the simulation: the time of many episodes without traces, with a trace of each
+//! that the writing thread keeps up with (as in training), and with a trace of each (as in an
+//! evaluation), in turns, on one core and with every core busy.
 //!
 //! `cargo run --release -p trace --example slowdown`, on a machine that does nothing else.
 
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
 
 use maze::{AntMaze, Layout, Physics};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use trace::{
-    ChoiceRecord, EndRecord, Episode, EpisodeMeta, Recorder, Scene, StartRecord, StepRecord,
+    Behind, ChoiceRecord, EndRecord, Episode, EpisodeMeta, Recorder, Scene, StartRecord,
+    StepRecord, Still,
 };
 
-/// Steps of an episode; a turn is one without and one with a trace.
+/// Steps of an episode, and episodes of a turn: more than the recorder's queue holds.
 const STEPS: u32 = 300;
-const TURNS: usize = 80;
+const EPISODES: usize = 100;
+/// A turn is one without traces and one with them.
+const TURNS: usize = 8;
 /// Steps between choices.
 const CHOICE: u32 = 15;
-
-/// A trace's name.
-const TRACE: &str = "episode.mcap";
 
 type Failure = Box<dyn std::error::Error>;
 
 /// A simulating thread's own.
 struct Bench {
     ant: AntMaze,
-    recorder: Recorder,
     folder: PathBuf,
+    still: Arc<Still>,
 }
 
 fn main() -> Result<(), Failure> {
     let folder = std::env::temp_dir().join(format!("formica-slowdown-{}", std::process::id()));
     let layout = Layout::named("large")?;
     let cores = std::thread::available_parallelism()?.get();
+    let still = Arc::new(Still::new(scene(&layout)));
     let mut benches = vec![];
     for core in 0..cores {
         let folder = folder.join(core.to_string());
         std::fs::create_dir_all(&folder)?;
         benches.push(Bench {
             ant: AntMaze::new(&layout, Physics::MAZE),
-            recorder: Recorder::new(|told| eprintln!("{told}"))?,
             folder,
+            still: Arc::clone(&still),
         });
     }
     for count in [1, cores] {
-        let (mut times, mut writing) = ([vec![], vec![]], vec![]);
+        let benches = &mut benches[..count];
+        let ways = [None, Some(Behind::Skip), Some(Behind::Wait)];
+        let mut turns = ways.map(|_| vec![]);
         // The first turn warms up.
         for turn in 0..=TURNS {
-            for traced in [false, true] {
-                let [took, written] = timed(&mut benches[..count], &layout, traced)?;
+            for (way, turns) in ways.into_iter().zip(&mut turns) {
+                let cost = timed(benches, way);
                 if turn > 0 {
-                    times[usize::from(traced)].push(took);
-                    if traced {
-                        writing.push(written);
-                    }
+                    turns.push(cost);
+                }
+                for bench in benches.iter() {
+                    std::fs::remove_dir_all(&bench.folder)?;
+                    std::fs::create_dir(&bench.folder)?;
                 }
             }
         }
-        let [without, with] = times.map(median);
-        println!(
-            "{count} of {cores} cores: {:.0} steps/s; with traces slower by {:.2}%; to write them \
-             takes {:.1}% of its time",
-            f64::from(STEPS) * count as f64 / without,
-            100.0 * (with / without - 1.0),
-            100.0 * median(writing) / (without * count as f64),
-        );
+        let [without, training, evaluation] = turns;
+        let episodes = (EPISODES * count) as f64;
+        let speed = median(without.iter().map(|cost| cost.simulated));
+        let speed = episodes * f64::from(STEPS) / speed;
+        println!("{count} of {cores} cores: {speed:.0} steps/s");
+        for (name, with) in [("training", training), ("evaluation", evaluation)] {
+            let more = |part: fn(&Cost) -> f64| {
+                let shares = with.iter().zip(&without);
+                100.0 * (median(shares.map(|(with, without)| part(with) / part(without))) - 1.0)
+            };
+            println!(
+                "  {name}: {:.0}% of the episodes traced, slower by {:.1}% until the last step, by \
+                 {:.1}% until the last trace is written, for {:.1}% more processor time",
+                100.0 * median(with.iter().map(|cost| cost.traces as f64)) / episodes,
+                more(|cost| cost.simulated),
+                more(|cost| cost.written),
+                more(|cost| cost.processor),
+            );
+        }
     }
     std::fs::remove_dir_all(&folder)?;
     Ok(())
 }
 
-/// Of many short turns the median does not mind that a machine is at times taken by others.
-fn median(mut values: Vec<f64>) -> f64 {
+/// Of many turns the median does not mind that a machine is at times taken by others.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
 
-/// Time until all threads have played an episode, and processor time that writing it took (s).
-fn timed(benches: &mut [Bench], layout: &Layout, traced: bool) -> Result<[f64; 2], Failure> {
-    let before = writers()?;
+/// What a turn takes: seconds until the last step, until all is written, and of processors; and
+/// the traces that there are.
+struct Cost {
+    simulated: f64,
+    written: f64,
+    processor: f64,
+    traces: usize,
+}
+
+fn timed(benches: &mut [Bench], traced: Option<Behind>) -> Cost {
+    let before = processor();
     let start = Instant::now();
-    std::thread::scope(|scope| {
-        for bench in benches.iter_mut() {
+    let ended: Vec<f64> = std::thread::scope(|scope| {
+        let spawn = benches.iter_mut().map(|bench| {
             scope.spawn(move || {
+                let recorder = traced.map(|_| Recorder::new(|told| eprintln!("{told}")));
+                let mut recorder = recorder.and_then(Result::ok).zip(traced);
                 let mut rng = Pcg64Mcg::seed_from_u64(0);
-                play(bench, layout, &mut rng, traced);
-            });
-        }
+                for episode in 0..EPISODES {
+                    play(bench, episode, &mut rng, recorder.as_mut());
+                }
+                let ended = start.elapsed().as_secs_f64();
+                drop(recorder);
+                ended
+            })
+        });
+        let threads: Vec<_> = spawn.collect();
+        let ends = threads.into_iter().map(std::thread::ScopedJoinHandle::join);
+        ends.filter_map(Result::ok).collect()
     });
-    let took = start.elapsed().as_secs_f64();
-    if traced {
-        for bench in benches {
-            let trace = bench.folder.join(TRACE);
-            while !trace.exists() {
-                std::thread::sleep(Duration::from_millis(1));
-            }
-            std::fs::remove_file(trace)?;
-        }
+    let traces = |bench: &Bench| bench.folder.read_dir().map_or(0, Iterator::count);
+    Cost {
+        simulated: ended.into_iter().fold(0.0, f64::max),
+        written: start.elapsed().as_secs_f64(),
+        processor: processor() - before,
+        traces: benches.iter().map(traces).sum(),
     }
-    Ok([took, writers()? - before])
 }
 
-/// Processor time that the writing threads have had (s; Linux).
-fn writers() -> Result<f64, Failure> {
-    let mut nanoseconds = 0.0;
-    for task in std::fs::read_dir("/proc/self/task")?.flatten() {
-        // A thread that has just ended has no files left.
-        let read = |name: &str| std::fs::read_to_string(task.path().join(name)).unwrap_or_default();
-        if read("comm").trim_end() == "trace" {
-            let text = read("schedstat");
-            nanoseconds += text.split(' ').next().unwrap_or_default().parse::<f64>()?;
-        }
-    }
-    Ok(1e-9 * nanoseconds)
+/// Processor time that this process has had (s).
+fn processor() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
-fn play(bench: &mut Bench, layout: &Layout, rng: &mut Pcg64Mcg, traced: bool) {
-    let Bench {
-        ant,
-        recorder,
-        folder,
-    } = bench;
+fn play(
+    bench: &mut Bench,
+    episode: usize,
+    rng: &mut Pcg64Mcg,
+    recorder: Option<&mut (Recorder, Behind)>,
+) {
+    let Bench { ant, folder, still } = bench;
     let start = ant.reset([0.0, 0.0], rng);
-    if traced {
-        let path: &Path = &folder.join(TRACE);
-        recorder.begin(Episode {
-            path: path.to_path_buf(),
+    let mut recorder = recorder.map(|(recorder, behind)| {
+        let path = folder.join(format!("{episode}.mcap"));
+        let episode = Episode {
             part: path.with_extension("part"),
+            path,
             meta: EpisodeMeta::default(),
-            scene: scene(layout),
+            still: Arc::clone(still),
             start: StartRecord {
                 state: start.observation,
                 exits: start.exits,
             },
-        });
+        };
+        recorder.begin(episode, *behind);
+        recorder
+    });
+    if recorder
+        .as_ref()
+        .is_some_and(|recorder| !recorder.is_open())
+    {
+        recorder = None;
     }
-    let traced = recorder.is_open();
     for step in 0..STEPS {
         let observation = ant.observation();
         let action = std::array::from_fn(|_| rng.random_range(-1.0..=1.0));
-        let record = traced.then(|| StepRecord {
+        let record = recorder.is_some().then(|| StepRecord {
             step,
             observation,
             action,
@@ -151,7 +183,7 @@ fn play(bench: &mut Bench, layout: &Layout, rng: &mut Pcg64Mcg, traced: bool) {
             subgoal: [4.0, 0.0],
             bodies: ant.body_poses(),
         });
-        if traced && step % CHOICE == 0 {
+        if let Some(recorder) = recorder.as_mut().filter(|_| step % CHOICE == 0) {
             recorder.choice(ChoiceRecord {
                 step,
                 node: 0,
@@ -163,11 +195,11 @@ fn play(bench: &mut Bench, layout: &Layout, rng: &mut Pcg64Mcg, traced: bool) {
             });
         }
         ant.step(&action);
-        if let Some(record) = record {
+        if let (Some(recorder), Some(record)) = (recorder.as_mut(), record) {
             recorder.step(record);
         }
     }
-    if traced {
+    if let Some(recorder) = recorder {
         recorder.end(EndRecord {
             success: false,
             fell: false,
@@ -188,7 +220,5 @@ fn scene(layout: &Layout) -> Scene {
         wall_height: maze::WALL_HEIGHT,
         nodes,
         edges: edges.flat_map(|(a, b)| [(a, b), (b, a)]).collect(),
-        goal: [32.0, 24.0],
-        goal_radius: 0.5,
     }
 }

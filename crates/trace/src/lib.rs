@@ -38,6 +38,7 @@ mod recover;
 mod scene;
 #[cfg(feature = "live")]
 mod serve;
+mod still;
 mod topic;
 mod write;
 
@@ -45,11 +46,12 @@ pub use message::{Choice, EdgeOutcome, End, Graph, Start, Step};
 pub use meta::{EpisodeMeta, Outcome};
 pub use read::{Trace, read, steps, summary};
 pub use record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
-pub use recorder::{Episode, Recorder};
+pub use recorder::{Behind, Episode, Recorder};
 pub use recover::{Recovered, recover};
 pub use scene::Scene;
 #[cfg(feature = "live")]
 pub use serve::Server;
+pub use still::Still;
 pub use write::EpisodeWriter;
 
 /// Name of the metadata record of an episode, written at its start.

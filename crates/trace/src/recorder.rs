@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
-use crate::scene::Scene;
+use crate::still::Still;
 use crate::write::EpisodeWriter;
 use crate::{EpisodeMeta, TraceError};
 
@@ -30,6 +30,15 @@ const WAKE: u32 = QUEUE as u32 / 4;
 /// And looks by itself so often, for what is to be on disk within a second.
 const LOOK: Duration = Duration::from_millis(250);
 
+/// What becomes of an episode that begins while the thread is behind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Behind {
+    /// It waits, for two seconds at most: of an evaluation no trace is to be missing.
+    Wait,
+    /// It leaves no trace: training is not to wait.
+    Skip,
+}
+
 /// An episode to trace.
 #[derive(Debug, Clone)]
 pub struct Episode {
@@ -40,7 +49,7 @@ pub struct Episode {
     /// Which episode it is.
     pub meta: EpisodeMeta,
     /// The world around it.
-    pub scene: Scene,
+    pub still: Arc<Still>,
     /// Its start.
     pub start: StartRecord,
 }
@@ -73,6 +82,8 @@ pub struct Recorder {
     taken: Arc<AtomicU64>,
     /// Records since the thread was woken.
     quiet: u32,
+    /// Whether an episode has been skipped.
+    skipped: bool,
     warn: fn(&str),
 }
 
@@ -107,6 +118,7 @@ impl Recorder {
             sent: 0,
             taken,
             quiet: 0,
+            skipped: false,
             warn,
         })
     }
@@ -117,11 +129,14 @@ impl Recorder {
         self.open
     }
 
-    /// Begins a trace, once there is room for it: between episodes the simulation waits for the
-    /// thread, a little, rather than lose a trace.
-    pub fn begin(&mut self, episode: Episode) {
+    /// Begins a trace, where there is room for it.
+    pub fn begin(&mut self, episode: Episode, behind: Behind) {
         let start = Instant::now();
         while self.sent - self.taken.load(Ordering::Relaxed) > ROOM {
+            if behind == Behind::Skip {
+                self.skip();
+                return;
+            }
             if start.elapsed() > PATIENCE {
                 (self.warn)("no trace: the disk is slower than the simulation");
                 return;
@@ -161,6 +176,16 @@ impl Recorder {
         self.discarded.store(true, Ordering::Relaxed);
         self.open = false;
         self.wake();
+    }
+
+    fn skip(&mut self) {
+        if !self.skipped {
+            (self.warn)(
+                "an episode of the training leaves no trace, nor may others: all cores are busy, \
+                 and traces get what is left; fewer actors or a larger traces.training_every help",
+            );
+        }
+        self.skipped = true;
     }
 
     fn wake(&mut self) {
@@ -275,11 +300,11 @@ impl Writer {
                     path,
                     part,
                     meta,
-                    scene,
+                    still,
                     start,
                 } = *episode;
                 let begun = has_room(&path)
-                    .and_then(|()| EpisodeWriter::begin(&path, part, &meta, scene, &start));
+                    .and_then(|()| EpisodeWriter::begin(&path, part, &meta, still, &start));
                 match begun {
                     Ok(writer) => self.episode = Some(writer),
                     Err(error) => self.fail(&error),
@@ -326,6 +351,7 @@ impl Writer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Scene;
 
     #[test]
     fn what_waits_of_an_episode_that_was_given_up_is_not_written() {
@@ -336,7 +362,7 @@ mod tests {
                 path,
                 part,
                 meta: EpisodeMeta::default(),
-                scene: Scene::default(),
+                still: Arc::new(Still::new(Scene::default())),
                 start: StartRecord {
                     state: [0.0; 29],
                     exits: 0,

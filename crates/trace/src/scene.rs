@@ -8,7 +8,7 @@ use foxglove::messages::{
     Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive, Vector3, line_primitive,
 };
 
-/// The world around an episode.
+/// The world around an episode, which many share.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
     /// Walls: centre x, y, half width, half depth (m).
@@ -19,10 +19,6 @@ pub struct Scene {
     pub nodes: Vec<[f32; 2]>,
     /// Pairs of nodes that an edge links.
     pub edges: Vec<(u32, u32)>,
-    /// The goal (m).
-    pub goal: [f32; 2],
-    /// Radius of success (m).
-    pub goal_radius: f32,
 }
 
 /// The one fixed frame.
@@ -101,7 +97,10 @@ fn cloud(frame: &str, points: impl Iterator<Item = [f32; 3]>) -> PointCloud {
         offset: 4 * i,
         r#type: NumericType::Float32 as i32,
     };
-    let data: Vec<u8> = points.flatten().flat_map(f32::to_le_bytes).collect();
+    let mut data = vec![];
+    for point in points {
+        data.extend_from_slice(point.map(f32::to_le_bytes).as_flattened());
+    }
     PointCloud {
         frame_id: frame.to_owned(),
         pose: Some(pose(0.0, 0.0, 0.0)),
@@ -129,7 +128,7 @@ fn entity(id: &str) -> SceneEntity {
 }
 
 impl Scene {
-    /// Walls and goal.
+    /// The walls.
     pub(crate) fn maze(&self) -> SceneUpdate {
         let h = self.wall_height;
         let cubes = self
@@ -140,25 +139,12 @@ impl Scene {
                 size: size(2.0 * half_x, 2.0 * half_y, h),
                 color: Some(GREY),
             });
-        let [x, y] = self.goal;
-        let goal = CylinderPrimitive {
-            pose: Some(pose(x, y, 0.02)),
-            size: size(2.0 * self.goal_radius, 2.0 * self.goal_radius, 0.04),
-            bottom_scale: 1.0,
-            top_scale: 1.0,
-            color: Some(GREEN),
+        let walls = SceneEntity {
+            cubes: cubes.collect(),
+            ..entity("walls")
         };
         SceneUpdate {
-            entities: vec![
-                SceneEntity {
-                    cubes: cubes.collect(),
-                    ..entity("walls")
-                },
-                SceneEntity {
-                    cylinders: vec![goal],
-                    ..entity("goal")
-                },
-            ],
+            entities: vec![walls],
             ..SceneUpdate::default()
         }
     }
@@ -255,6 +241,25 @@ impl Scene {
     /// The nodes once more as poses, for viewers that do not draw a scene (Rerun).
     pub(crate) fn node_poses(&self) -> Vec<Pose> {
         self.nodes.iter().map(|[x, y]| pose(*x, *y, 0.05)).collect()
+    }
+}
+
+/// The goal (m) and the radius of success (m).
+pub(crate) fn goal([x, y]: [f32; 2], radius: f32) -> SceneUpdate {
+    let disc = CylinderPrimitive {
+        pose: Some(pose(x, y, 0.02)),
+        size: size(2.0 * radius, 2.0 * radius, 0.04),
+        bottom_scale: 1.0,
+        top_scale: 1.0,
+        color: Some(GREEN),
+    };
+    let goal = SceneEntity {
+        cylinders: vec![disc],
+        ..entity("goal")
+    };
+    SceneUpdate {
+        entities: vec![goal],
+        ..SceneUpdate::default()
     }
 }
 

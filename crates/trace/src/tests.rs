@@ -1,20 +1,21 @@
 use std::fs;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use super::*;
 use crate::{
-    ChoiceRecord, EndRecord, Episode, EpisodeWriter, OutcomeRecord, Recorder, Scene, StartRecord,
-    StepRecord, recover,
+    Behind, ChoiceRecord, EndRecord, Episode, EpisodeWriter, OutcomeRecord, Recorder, Scene,
+    StartRecord, StepRecord, Still, recover,
 };
 
-fn scene() -> Scene {
-    Scene {
+fn still() -> Arc<Still> {
+    Arc::new(Still::new(Scene {
         walls: vec![[0.0, 0.0, 2.0, 2.0]],
         nodes: vec![[1.0, 1.0], [2.0, 2.0]],
         // The second names a node that does not exist.
         edges: vec![(0, 1), (0, 9)],
         ..Scene::default()
-    }
+    }))
 }
 
 fn meta() -> EpisodeMeta {
@@ -102,7 +103,7 @@ fn part_of(path: &Path) -> PathBuf {
 }
 
 fn write(path: &Path, steps: u32) -> EpisodeWriter {
-    let mut writer = EpisodeWriter::begin(path, part_of(path), &meta(), scene(), &start()).unwrap();
+    let mut writer = EpisodeWriter::begin(path, part_of(path), &meta(), still(), &start()).unwrap();
     for step in 0..steps {
         if step % 10 == 0 {
             if step > 0 {
@@ -283,7 +284,7 @@ fn episode(path: PathBuf) -> Episode {
         part: part_of(&path),
         path,
         meta: meta(),
-        scene: scene(),
+        still: still(),
         start: start(),
     }
 }
@@ -294,7 +295,7 @@ fn a_recorder_writes_what_a_writer_does() {
     let path = |name: &str| folder.path().join(name);
     let mut recorder = Recorder::new(|told| panic!("{told}")).unwrap();
     for name in ["a.mcap", "given-up.mcap", "b.mcap", "broken.mcap"] {
-        recorder.begin(episode(path(name)));
+        recorder.begin(episode(path(name)), Behind::Wait);
         assert!(recorder.is_open());
         for step in 0..20 {
             if step == 0 {
@@ -328,7 +329,7 @@ fn a_recorder_never_waits_for_a_disk() {
     assert!(made.unwrap().success());
     let mut recorder = Recorder::new(|_| {}).unwrap();
     // Nobody reads: to open it blocks the thread.
-    recorder.begin(episode(folder.path().join("slow.mcap")));
+    recorder.begin(episode(folder.path().join("slow.mcap")), Behind::Skip);
     let mut told = 0;
     while recorder.is_open() {
         recorder.step(record(told % 1000));
@@ -336,13 +337,15 @@ fn a_recorder_never_waits_for_a_disk() {
         assert!(told < 10_000, "the queue has no end");
     }
     // The next one waits for a moment only.
-    recorder.begin(episode(folder.path().join("next.mcap")));
-    assert!(!recorder.is_open());
+    for behind in [Behind::Wait, Behind::Skip] {
+        recorder.begin(episode(folder.path().join("next.mcap")), behind);
+        assert!(!recorder.is_open());
+    }
     // The other end opens and closes; the thread goes on, and the trace is given up.
     let reader = std::thread::spawn(move || fs::read(&pipe));
     let _ = reader.join().unwrap();
     let last = folder.path().join("last.mcap");
-    recorder.begin(episode(last.clone()));
+    recorder.begin(episode(last.clone()), Behind::Wait);
     recorder.step(record(0));
     recorder.end(end(1));
     drop(recorder);
@@ -356,7 +359,7 @@ fn a_full_disk_ends_the_trace_without_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
     std::os::unix::fs::symlink("/dev/full", part_of(&path)).unwrap();
-    let begun = EpisodeWriter::begin(&path, part_of(&path), &meta(), scene(), &start());
+    let begun = EpisodeWriter::begin(&path, part_of(&path), &meta(), still(), &start());
     assert!(begun.is_err());
     assert!(!path.exists());
 }

@@ -8,7 +8,7 @@ use foxglove::{Encode, Schema};
 use crate::message::{self, Choice, EdgeOutcome, End, Start, Step};
 
 /// What a message is about.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Topic {
     Maze,
     Ant,

@@ -5,20 +5,22 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use foxglove::Encode;
 use foxglove::messages::{
-    FrameTransform, FrameTransforms, Log, Pose, PoseInFrame, PosesInFrame, Quaternion, Timestamp,
-    Vector3, log,
+    FrameTransform, FrameTransforms, Log, PointCloud, Pose, PoseInFrame, PosesInFrame, Quaternion,
+    Timestamp, Vector3, log,
 };
 use mcap::records::{MessageHeader, Metadata};
-use mcap::{Attachment, WriteOptions, Writer};
+use mcap::{Attachment, Compression, WriteOptions, Writer};
 use prost::Message;
 
 use crate::message::{self, Choice, EdgeOutcome, End, Start, Step};
 use crate::record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
-use crate::scene::{self, BODIES, Scene, WORLD};
+use crate::scene::{self, BODIES, WORLD};
+use crate::still::Still;
 use crate::topic::Topic;
 use crate::{EpisodeMeta, METADATA, OUTCOME, Outcome, TraceError};
 
@@ -30,6 +32,14 @@ const STEP_NANOSECONDS: u64 = 100_000_000;
 /// Steps between two poses of /path, between two messages of it, and of the trail that each shows:
 /// a bound on the file's size.
 const TRAIL: [u32; 3] = [10, 10, 100];
+/// Made once: it counts processors, which is as much work as a hundred steps' records. LZ4 makes
+/// files a third larger than zstd at its fastest, for a quarter of the processor time.
+static OPTIONS: LazyLock<WriteOptions> = LazyLock::new(|| {
+    WriteOptions::new()
+        .library(concat!("formica/", env!("CARGO_PKG_VERSION")))
+        .chunk_size(Some(CHUNK_BYTES))
+        .compression(Some(Compression::Lz4))
+});
 const LAYOUT: &str = include_str!("layout.json");
 
 /// A file of mcap that is being written, renamed once it is whole.
@@ -48,13 +58,7 @@ impl Output {
             source,
         };
         let file = BufWriter::new(File::create(&part).map_err(io)?);
-        // Threads for so little data would only take the simulator's cores.
-        let writer = WriteOptions::new()
-            .library(concat!("formica/", env!("CARGO_PKG_VERSION")))
-            .chunk_size(Some(CHUNK_BYTES))
-            .compression_level(1)
-            .compression_threads(0)
-            .create(file);
+        let writer = OPTIONS.clone().create(file);
         let writer = writer.map_err(|error| refused(path, &error))?;
         Ok(Self {
             path: path.to_path_buf(),
@@ -118,7 +122,7 @@ fn refused(path: &Path, reason: &dyn ToString) -> TraceError {
 pub struct EpisodeWriter {
     output: Output,
     channels: [u16; Topic::ALL.len()],
-    scene: Scene,
+    still: Arc<Still>,
     goal: [f32; 2],
     start: u64,
     now: u64,
@@ -176,7 +180,7 @@ impl EpisodeWriter {
         path: &Path,
         part: PathBuf,
         meta: &EpisodeMeta,
-        scene: Scene,
+        still: Arc<Still>,
         from: &StartRecord,
     ) -> Result<Self, TraceError> {
         let mut output = Output::create(path, part)?;
@@ -231,36 +235,36 @@ impl EpisodeWriter {
             buffer: Vec::with_capacity(4096),
             step,
             transforms: frames(),
-            scene,
+            still,
         };
-        trace.still(from)?;
+        trace.opening(from, meta.success_radius)?;
         Ok(trace)
     }
 
     /// What stands still, and the start.
-    fn still(&mut self, from: &StartRecord) -> Result<(), TraceError> {
+    fn opening(&mut self, from: &StartRecord, goal_radius: f32) -> Result<(), TraceError> {
         let start = self.start;
-        self.put(Topic::Maze, &self.scene.maze())?;
-        self.put(Topic::Ant, &scene::ant())?;
-        self.put(Topic::Graph, &self.scene.graph())?;
-        self.put(
-            Topic::Nodes,
-            &poses_in_world(start, self.scene.node_poses()),
-        )?;
-        let structure = message::Graph {
-            timestamp: Some(message::timestamp(start)),
-            x: self.scene.nodes.iter().map(|[x, _]| *x).collect(),
-            y: self.scene.nodes.iter().map(|[_, y]| *y).collect(),
-            from: self.scene.edges.iter().map(|(from, _)| *from).collect(),
-            to: self.scene.edges.iter().map(|(_, to)| *to).collect(),
-        };
-        self.put_own(Topic::Structure, &structure)?;
-        for (topic, mut points) in [
-            (Topic::WallPoints, self.scene.wall_points()),
-            (Topic::AntPoints, scene::ant_points()),
-        ] {
-            points.timestamp = stamp(start);
-            self.put(topic, &points)?;
+        let still = Arc::clone(&self.still);
+        for (topic, message) in still.messages() {
+            self.buffer.clear();
+            self.buffer.extend(message);
+            match topic {
+                Topic::Maze => self.append(&scene::goal(self.goal, goal_radius))?,
+                Topic::Nodes => self.append(&PosesInFrame {
+                    timestamp: stamp(start),
+                    ..PosesInFrame::default()
+                })?,
+                Topic::WallPoints | Topic::AntPoints => self.append(&PointCloud {
+                    timestamp: stamp(start),
+                    ..PointCloud::default()
+                })?,
+                Topic::Structure => self.append_own(&message::Graph {
+                    timestamp: Some(message::timestamp(start)),
+                    ..message::Graph::default()
+                })?,
+                _ => {}
+            }
+            self.put_buffer(topic)?;
         }
         self.put(Topic::Goal, &pose_in_world(start, self.goal))?;
         let from = Start {
@@ -273,17 +277,25 @@ impl EpisodeWriter {
         self.flush()
     }
 
-    fn put<M: Encode>(&mut self, topic: Topic, message: &M) -> Result<(), TraceError> {
-        self.buffer.clear();
+    fn append(&mut self, message: &impl Encode) -> Result<(), TraceError> {
         let encoded = message.encode(&mut self.buffer);
-        encoded.map_err(|error| refused(&self.output.path, &error))?;
+        encoded.map_err(|error| refused(&self.output.path, &error))
+    }
+
+    fn append_own(&mut self, message: &impl Message) -> Result<(), TraceError> {
+        let encoded = message.encode(&mut self.buffer);
+        encoded.map_err(|error| refused(&self.output.path, &error))
+    }
+
+    fn put(&mut self, topic: Topic, message: &impl Encode) -> Result<(), TraceError> {
+        self.buffer.clear();
+        self.append(message)?;
         self.put_buffer(topic)
     }
 
     fn put_own(&mut self, topic: Topic, message: &impl Message) -> Result<(), TraceError> {
         self.buffer.clear();
-        let encoded = message.encode(&mut self.buffer);
-        encoded.map_err(|error| refused(&self.output.path, &error))?;
+        self.append_own(message)?;
         self.put_buffer(topic)
     }
 
@@ -379,7 +391,7 @@ impl EpisodeWriter {
             probabilities: record.probabilities,
         };
         self.put_own(Topic::Choice, &message)?;
-        self.put(Topic::ChoiceScene, &self.scene.choice(node, subgoal))?;
+        self.put(Topic::ChoiceScene, &self.still.scene.choice(node, subgoal))?;
         self.log(
             log::Level::Info,
             &format!("at node {node}, on to node {subgoal}"),
