@@ -321,7 +321,8 @@ pub struct Evaluation {
 pub struct Traces {
     /// Whether every episode of the evaluation leaves a trace.
     pub evaluation: bool,
-    /// Every so many training episodes of an actor one leaves a trace. Zero is none.
+    /// Every so many training episodes of an actor one leaves a trace, unless the thread that writes
+    /// is behind. Zero is none.
     pub training_every: usize,
 }
 
