@@ -44,7 +44,7 @@ mod write;
 
 pub use message::{Choice, EdgeOutcome, End, Graph, Start, Step};
 pub use meta::{EpisodeMeta, Outcome};
-pub use read::{Trace, read, steps, summary};
+pub use read::{Trace, read, read_whole};
 pub use record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
 pub use recorder::{Behind, Episode, Recorder};
 pub use recover::{Recovered, recover};

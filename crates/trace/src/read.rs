@@ -210,28 +210,16 @@ pub fn read(path: &Path) -> Result<Trace, TraceError> {
     Ok(trace)
 }
 
-fn whole(path: &Path) -> Result<Trace, TraceError> {
+/// Reads a whole trace, as [`read`] does.
+///
+/// # Errors
+/// What the system refuses, or any damage.
+pub fn read_whole(path: &Path) -> Result<Trace, TraceError> {
     let trace = read(path)?;
     match trace.cut {
         Some(reason) => Err(damaged(path, reason)),
         None => Ok(trace),
     }
-}
-
-/// Reads a whole trace, as [`read`] does.
-///
-/// # Errors
-/// What the system refuses, or any damage.
-pub fn summary(path: &Path) -> Result<Trace, TraceError> {
-    whole(path)
-}
-
-/// Every message of `/step`, in order.
-///
-/// # Errors
-/// What the system refuses, or any damage.
-pub fn steps(path: &Path) -> Result<Vec<Step>, TraceError> {
-    whole(path).map(|trace| trace.steps)
 }
 
 #[cfg(test)]

@@ -133,7 +133,7 @@ fn a_whole_trace_reads_back_as_written() {
     assert!(!path.exists(), "not before it is whole");
     writer.end(&end(50)).unwrap();
     assert!(!part_of(&path).exists());
-    let trace = summary(&path).unwrap();
+    let trace = read_whole(&path).unwrap();
     assert_eq!(
         (&trace.meta, trace.outcome),
         (&meta(), Some(outcome_of(50)))
@@ -215,10 +215,10 @@ fn of_an_episode_that_was_cut_off_the_whole_chunks_are_recovered() {
         let trace = read(&part).unwrap();
         assert!(trace.cut.is_some() && trace.outcome.is_none());
         assert_eq!((trace.meta, trace.steps.len()), (meta(), 25));
-        assert!(summary(&part).is_err(), "it is not whole");
+        assert!(read_whole(&part).is_err(), "it is not whole");
         let recovered = recover(&part, &path).unwrap();
         assert_eq!((recovered.steps, recovered.cut.is_some()), (25, true));
-        let trace = summary(&path).unwrap();
+        let trace = read_whole(&path).unwrap();
         assert_eq!(trace.steps[24].observation, record(24).observation);
         assert_eq!(trace.metadata["outcome"], "cut off");
         fs::remove_file(&path).unwrap();
@@ -227,7 +227,7 @@ fn of_an_episode_that_was_cut_off_the_whole_chunks_are_recovered() {
     write(&path, 15).end(&end(15)).unwrap();
     let copy = folder.path().join("copy.mcap");
     assert_eq!(recover(&path, &copy).unwrap().cut, None);
-    assert_eq!(summary(&path).unwrap(), summary(&copy).unwrap());
+    assert_eq!(read_whole(&path).unwrap(), read_whole(&copy).unwrap());
 }
 
 #[test]
@@ -257,10 +257,7 @@ fn damage_is_an_error_never_a_panic() {
     let again = folder.path().join("again.mcap");
     for i in 0..64 {
         fs::write(&damaged, &whole[..whole.len() * i / 64]).unwrap();
-        assert!(
-            summary(&damaged).is_err() && steps(&damaged).is_err(),
-            "cut at {i}/64"
-        );
+        assert!(read_whole(&damaged).is_err(), "cut at {i}/64");
         // Whatever says how the episode starts can be recovered.
         let starts = read(&damaged).is_ok_and(|trace| trace.start.is_some());
         assert_eq!(starts, recover(&damaged, &again).is_ok());
@@ -271,7 +268,7 @@ fn damage_is_an_error_never_a_panic() {
         let mut bytes = whole.clone();
         bytes[whole.len() * i / 400] ^= 1 << (i % 8);
         fs::write(&damaged, &bytes).unwrap();
-        caught += u32::from(summary(&damaged).is_err());
+        caught += u32::from(read_whole(&damaged).is_err());
         let _ = recover(&damaged, &again);
     }
     assert!(caught > 390, "{caught} of 400");
@@ -315,7 +312,7 @@ fn a_recorder_writes_what_a_writer_does() {
     names.sort();
     assert_eq!(names, ["a.mcap", "b.mcap"]);
     for name in ["a.mcap", "b.mcap"] {
-        let trace = summary(&path(name)).unwrap();
+        let trace = read_whole(&path(name)).unwrap();
         assert_eq!((trace.steps.len(), trace.choices.len()), (20, 1));
     }
 }
@@ -350,7 +347,7 @@ fn a_recorder_never_waits_for_a_disk() {
     recorder.end(end(1));
     drop(recorder);
     assert!(!folder.path().join("slow.mcap").exists());
-    assert_eq!(summary(&last).unwrap().steps.len(), 1);
+    assert_eq!(read_whole(&last).unwrap().steps.len(), 1);
 }
 
 #[cfg(target_os = "linux")]

@@ -150,7 +150,7 @@ pub(crate) fn paths(groups: &[Group]) -> String {
     for run in by_turns(groups) {
         let mut turns = [0; 2];
         for path in traces(run) {
-            match trace::summary(&path) {
+            match trace::read_whole(&path) {
                 Ok(trace) => {
                     let success = trace.outcome.is_some_and(|outcome| outcome.success);
                     let turn = &mut turns[usize::from(success)];
