@@ -19,7 +19,7 @@ use trace::{
 /// Steps of an episode, and episodes of a turn: more than the recorder's queue holds.
 const STEPS: u32 = 300;
 const EPISODES: usize = 100;
-/// A turn is one without traces and one with them.
+/// A turn is one of each way.
 const TURNS: usize = 8;
 /// Steps between choices.
 const CHOICE: u32 = 15;

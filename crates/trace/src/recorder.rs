@@ -266,13 +266,15 @@ struct Writer {
 impl Writer {
     fn work(&mut self, jobs: &Receiver<Job>) {
         loop {
+            if self.is_discarded() {
+                self.discard();
+            }
             match jobs.try_recv() {
                 Ok(job) => {
                     self.taken.fetch_add(1, Ordering::Relaxed);
                     self.take(job);
                 }
                 Err(TryRecvError::Empty) => {
-                    self.discard_if_told();
                     let due = |writer: &EpisodeWriter| Instant::now() >= writer.flush_due();
                     if self.episode.as_ref().is_some_and(due) {
                         self.write(EpisodeWriter::flush);
@@ -292,9 +294,8 @@ impl Writer {
             self.discard();
             self.discarded = Arc::clone(discarded);
         }
-        self.discard_if_told();
         match job {
-            Job::Begin(..) if self.discarded.load(Ordering::Relaxed) => {}
+            Job::Begin(..) if self.is_discarded() => {}
             Job::Begin(episode, _) => {
                 let Episode {
                     path,
@@ -335,10 +336,8 @@ impl Writer {
         self.failed = true;
     }
 
-    fn discard_if_told(&mut self) {
-        if self.episode.is_some() && self.discarded.load(Ordering::Relaxed) {
-            self.discard();
-        }
+    fn is_discarded(&self) -> bool {
+        self.discarded.load(Ordering::Relaxed)
     }
 
     fn discard(&mut self) {

@@ -1,7 +1,6 @@
 //! What stands still, encoded once for many episodes: for a graph of thousands of edges that is as
 //! much work as all steps of one.
 
-use foxglove::Encode;
 use foxglove::messages::PosesInFrame;
 use prost::Message;
 
@@ -36,13 +35,13 @@ impl Still {
         };
         Self {
             messages: [
-                (Topic::Maze, encoded(&scene.maze())),
-                (Topic::Ant, encoded(&scene::ant())),
-                (Topic::Graph, encoded(&scene.graph())),
-                (Topic::Nodes, encoded(&nodes)),
+                (Topic::Maze, scene.maze().encode_to_vec()),
+                (Topic::Ant, scene::ant().encode_to_vec()),
+                (Topic::Graph, scene.graph().encode_to_vec()),
+                (Topic::Nodes, nodes.encode_to_vec()),
                 (Topic::Structure, structure.encode_to_vec()),
-                (Topic::WallPoints, encoded(&scene.wall_points())),
-                (Topic::AntPoints, encoded(&scene::ant_points())),
+                (Topic::WallPoints, scene.wall_points().encode_to_vec()),
+                (Topic::AntPoints, scene::ant_points().encode_to_vec()),
             ],
             scene,
         }
@@ -53,11 +52,4 @@ impl Still {
             .iter()
             .map(|(topic, bytes)| (*topic, &**bytes))
     }
-}
-
-fn encoded(message: &impl Encode) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(message.encoded_len().unwrap_or(0));
-    // A vector grows; there is no other error.
-    let _ = message.encode(&mut bytes);
-    bytes
 }

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-use foxglove::Encode;
 use foxglove::messages::{
     FrameTransform, FrameTransforms, Log, PointCloud, Pose, PoseInFrame, PosesInFrame, Quaternion,
     Timestamp, Vector3, log,
@@ -258,7 +257,7 @@ impl EpisodeWriter {
                     timestamp: stamp(start),
                     ..PointCloud::default()
                 })?,
-                Topic::Structure => self.append_own(&message::Graph {
+                Topic::Structure => self.append(&message::Graph {
                     timestamp: Some(message::timestamp(start)),
                     ..message::Graph::default()
                 })?,
@@ -272,30 +271,20 @@ impl EpisodeWriter {
             state: from.state.to_vec(),
             exits: from.exits,
         };
-        self.put_own(Topic::Start, &from)?;
+        self.put(Topic::Start, &from)?;
         self.log(log::Level::Info, "the episode begins")?;
         self.flush()
     }
 
-    fn append(&mut self, message: &impl Encode) -> Result<(), TraceError> {
+    /// Puts a message behind what is in the buffer.
+    fn append(&mut self, message: &impl Message) -> Result<(), TraceError> {
         let encoded = message.encode(&mut self.buffer);
         encoded.map_err(|error| refused(&self.output.path, &error))
     }
 
-    fn append_own(&mut self, message: &impl Message) -> Result<(), TraceError> {
-        let encoded = message.encode(&mut self.buffer);
-        encoded.map_err(|error| refused(&self.output.path, &error))
-    }
-
-    fn put(&mut self, topic: Topic, message: &impl Encode) -> Result<(), TraceError> {
+    fn put(&mut self, topic: Topic, message: &impl Message) -> Result<(), TraceError> {
         self.buffer.clear();
         self.append(message)?;
-        self.put_buffer(topic)
-    }
-
-    fn put_own(&mut self, topic: Topic, message: &impl Message) -> Result<(), TraceError> {
-        self.buffer.clear();
-        self.append_own(message)?;
         self.put_buffer(topic)
     }
 
@@ -357,7 +346,7 @@ impl EpisodeWriter {
             reached: record.reached,
             steps,
         };
-        self.put_own(Topic::Outcome, &message)?;
+        self.put(Topic::Outcome, &message)?;
         let to = record.subgoal_node;
         match record.reached {
             true => self.log(
@@ -390,7 +379,7 @@ impl EpisodeWriter {
             neighbours: record.neighbours,
             probabilities: record.probabilities,
         };
-        self.put_own(Topic::Choice, &message)?;
+        self.put(Topic::Choice, &message)?;
         self.put(Topic::ChoiceScene, &self.still.scene.choice(node, subgoal))?;
         self.log(
             log::Level::Info,
@@ -412,7 +401,7 @@ impl EpisodeWriter {
             });
         }
         self.buffer.clear();
-        let encoded = Encode::encode(&self.transforms, &mut self.buffer);
+        let encoded = Message::encode(&self.transforms, &mut self.buffer);
         encoded.map_err(|error| refused(&self.output.path, &error))?;
         self.put_buffer(Topic::Transforms)
     }
@@ -482,7 +471,7 @@ impl EpisodeWriter {
             fell: record.fell,
             observation: record.observation.to_vec(),
         };
-        self.put_own(Topic::End, &end)?;
+        self.put(Topic::End, &end)?;
         let outcome = Outcome {
             success: record.success,
             fell: record.fell,
