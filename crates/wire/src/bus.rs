@@ -161,15 +161,6 @@ impl Limits {
     }
 }
 
-/// Shared memory that is free on this machine (bytes).
-///
-/// # Errors
-/// What the system says of /dev/shm.
-pub fn shared_memory_available() -> std::io::Result<u64> {
-    let folder = rustix::fs::statvfs("/dev/shm")?;
-    Ok(folder.f_bavail * folder.f_frsize)
-}
-
 /// Events that wake a process which waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Waker {
@@ -248,9 +239,9 @@ impl Bus {
     /// What the file system or iceoryx2 refuses.
     pub fn host(domain: &RunDomain, limits: &Limits) -> Result<Self, WireError> {
         let path = domain.root().join("limits");
-        fs::write(&path, limits.to_text()).map_err(|source| WireError::Io {
+        fs::write(&path, limits.to_text()).map_err(|reason| WireError::Io {
             path: path.display().to_string(),
-            source,
+            reason,
         })?;
         let mut bus = Self::join_as(domain, "launcher", limits.clone(), true)?;
         bus.held = bus.all()?;
@@ -263,9 +254,9 @@ impl Bus {
     /// Another layout, limits that cannot be read, what iceoryx2 refuses.
     pub fn join(domain: &RunDomain, name: &str) -> Result<Self, WireError> {
         let path = domain.root().join("limits");
-        let text = fs::read_to_string(&path).map_err(|source| WireError::Io {
+        let text = fs::read_to_string(&path).map_err(|reason| WireError::Io {
             path: path.display().to_string(),
-            source,
+            reason,
         })?;
         let (theirs, limits) = Limits::from_text(&text).ok_or(WireError::Layout {
             theirs: 0,
@@ -333,9 +324,9 @@ impl Bus {
 
     fn try_claim(&self, actor: u32) -> Result<Claim, WireError> {
         let path = claim_path(&self.root, actor);
-        let failed = |source| WireError::Io {
+        let failed = |reason| WireError::Io {
             path: path.display().to_string(),
-            source,
+            reason,
         };
         let mut lock = OpenOptions::new()
             .write(true)
@@ -347,7 +338,7 @@ impl Bus {
         match lock.try_lock() {
             Ok(()) => {}
             Err(fs::TryLockError::WouldBlock) => return Err(WireError::Taken(actor)),
-            Err(fs::TryLockError::Error(source)) => return Err(failed(source)),
+            Err(fs::TryLockError::Error(reason)) => return Err(failed(reason)),
         }
         lock.set_len(0).map_err(failed)?;
         write!(lock, "{}", crate::incarnation()).map_err(failed)?;

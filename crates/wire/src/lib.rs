@@ -25,12 +25,16 @@ mod reports;
 mod round;
 mod trajectories;
 
+use std::hash::{BuildHasher, RandomState};
+use std::path::PathBuf;
 use std::sync::OnceLock;
-use std::time::{SystemTime, UNIX_EPOCH};
 
-pub use bus::{Bus, Claim, Limits, Waker, shared_memory_available};
+pub use bus::{Bus, Claim, Limits, Waker};
 pub use choices::settled;
-pub use domain::{Leftover, RunDomain, clear, leftovers};
+pub use domain::{
+    Kept, Leftover, Liveness, RunDomain, SHARED_MEMORY, SOCKETS, Unseen, clear, clear_unseen,
+    leftovers, shared_memory_available, shared_memory_is_in_memory, sockets_available,
+};
 pub use latest::{
     DirectivePublisher, DirectiveSubscriber, GraphPublisher, GraphSubscriber, Weights,
     WeightsPublisher, WeightsSubscriber,
@@ -44,33 +48,75 @@ pub use reports::{ReportReader, Reporter};
 pub use round::{Rounds, Trajectory};
 pub use trajectories::{Counts, Drained, TrajectoryReceiver, TrajectorySender};
 
-/// A number for this process that no other of a run has: process ids come again.
+/// A number for this process that no other of a run has. It is drawn: process ids come again, and
+/// are the same in several PID namespaces; clocks are set back.
 #[must_use]
 pub fn incarnation() -> u32 {
     static NUMBER: OnceLock<u32> = OnceLock::new();
-    *NUMBER.get_or_init(|| {
-        let clock = SystemTime::now().duration_since(UNIX_EPOCH);
-        let nanoseconds = clock.unwrap_or_default().as_nanos() as u64;
-        let mixed =
-            (nanoseconds ^ u64::from(std::process::id()) << 40).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        (mixed >> 32) as u32 | 1
-    })
+    *NUMBER.get_or_init(|| random() | 1)
+}
+
+/// A number that the system draws.
+fn random() -> u32 {
+    // The standard library's hasher has its key from the system, another one each time.
+    (RandomState::new().hash_one(()) >> 32) as u32
 }
 
 /// Why a channel could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum WireError {
     /// The run's folder of channels could not be made or read.
-    #[error("{path}: {source}")]
+    #[error("'{path}': {reason}")]
     Io {
         /// The file or folder.
         path: String,
         /// What the system said.
-        source: std::io::Error,
+        reason: std::io::Error,
+    },
+    /// A place where channels lie is missing or closed.
+    #[error("channels cannot lie in '{}': {fault}; {remedy}", .path.display())]
+    Unfit {
+        /// The place.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// Something stands where this user's folder of channels should be.
+    #[error(
+        "{unseen}, where a folder of this user is needed; remove it or let its owner do so, \
+             then launch again"
+    )]
+    Obstructed {
+        /// The folder that is needed.
+        folder: PathBuf,
+        /// What stands there.
+        unseen: Unseen,
     },
     /// No run of this id is alive.
     #[error("no run '{0}' is alive on this machine; see `formica doctor`")]
     NoSuchRun(String),
+    /// A run's channels are not to be seen from here, wholly or in part.
+    #[error(
+        "the channels of run '{id}' are not visible from here: there is no '{}'; join it from where \
+         it was launched, or from a container or service with the same /tmp and /dev/shm",
+        .path.display()
+    )]
+    Hidden {
+        /// The run's domain.
+        id: String,
+        /// What is not there.
+        path: PathBuf,
+    },
+    /// It cannot be told whether a run is alive.
+    #[error("it cannot be told whether run '{id}' is alive: {unseen}")]
+    Unseen {
+        /// The run's domain.
+        id: String,
+        /// Why.
+        unseen: Unseen,
+    },
     /// Another version of formica hosts the run.
     #[error(
         "the run speaks channel layout {theirs}, this program {ours}; use one version for both"

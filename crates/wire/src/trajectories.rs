@@ -390,9 +390,9 @@ impl TrajectoryReceiver {
     /// A port that cannot be made, a ledger that cannot be opened.
     pub fn new(bus: &Bus, reader: Reader, folder: &Path) -> Result<Self, WireError> {
         let path = reader.ledger(folder);
-        let opened = Ledger::open(&path).map_err(|source| WireError::Io {
+        let opened = Ledger::open(&path).map_err(|reason| WireError::Io {
             path: path.display().to_string(),
-            source,
+            reason,
         })?;
         Self::join(bus, reader, opened)
     }
