@@ -1,5 +1,6 @@
 //! Finding a run that is alive, to join it from any shell.
 
+use std::fs::{File, TryLockError};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -42,6 +43,22 @@ pub(crate) enum AttachError {
         /// Its folder.
         folder: PathBuf,
     },
+    /// The run is alive, and none of its channels is to be seen.
+    #[error(
+        "the run in '{folder}' is alive, but its channels are not visible from here: neither \
+         '{sockets}/formica-{own}/{id}' nor '{memory}/formica{own}_{id}_lock' is there; attach from \
+         where it was launched, or from a container or service with the same {sockets} and {memory}, \
+         or try again if it has just been launched",
+        folder = .folder.display(), sockets = wire::SOCKETS, memory = wire::SHARED_MEMORY
+    )]
+    Elsewhere {
+        /// Its folder.
+        folder: PathBuf,
+        /// Its domain of channels.
+        id: String,
+        /// This user.
+        own: u32,
+    },
     /// What the channels refuse.
     #[error(transparent)]
     Wire(#[from] WireError),
@@ -62,8 +79,11 @@ pub(crate) fn find(name: &str) -> Result<(PathBuf, RunDomain), AttachError> {
         let Ok(id) = std::fs::read_to_string(folder.join("domain")) else {
             continue;
         };
-        return match RunDomain::open(&id) {
+        return match RunDomain::open(id.trim()) {
             Ok(domain) => Ok((folder, domain)),
+            Err(WireError::NoSuchRun(id)) if is_led(&folder) => {
+                Err(AttachError::Elsewhere { folder, id, own })
+            }
             Err(WireError::NoSuchRun(_)) => Err(AttachError::Dead { folder }),
             Err(error) => Err(error.into()),
         };
@@ -72,13 +92,19 @@ pub(crate) fn find(name: &str) -> Result<(PathBuf, RunDomain), AttachError> {
     Err(AttachError::NoFolder { name })
 }
 
+/// Whether a launcher works in a run's folder: it holds a lock there, too.
+fn is_led(folder: &Path) -> bool {
+    let lock = File::open(folder.join("lock"));
+    lock.is_ok_and(|lock| matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock)))
+}
+
 /// Sets `stop` when the run is no longer alive: an attached actor has no launcher for a parent.
-pub(crate) fn watch(domain: &RunDomain, stop: &Arc<AtomicBool>) -> Arc<AtomicBool> {
+pub(crate) fn watch(domain: RunDomain, stop: &Arc<AtomicBool>) -> Arc<AtomicBool> {
     let ended = Arc::new(AtomicBool::new(false));
-    let (told, stop, id) = (Arc::clone(&ended), Arc::clone(stop), domain.id().to_owned());
+    let (told, stop) = (Arc::clone(&ended), Arc::clone(stop));
     std::thread::spawn(move || {
         while !stop.load(Ordering::Relaxed) {
-            if RunDomain::open(&id).is_err() {
+            if domain.is_over() {
                 told.store(true, Ordering::Relaxed);
                 stop.store(true, Ordering::Relaxed);
             }
@@ -104,5 +130,10 @@ mod tests {
         std::fs::write(folder.path().join("domain"), "0badcafe").unwrap();
         let told = find(&name).unwrap_err().to_string();
         assert!(told.contains("is not alive"), "{told}");
+        // A launcher holds the folder's lock, and its channels are nowhere.
+        let lock = File::create(folder.path().join("lock")).unwrap();
+        lock.lock().unwrap();
+        let told = find(&name).unwrap_err().to_string();
+        assert!(told.contains("not visible from here"), "{told}");
     }
 }

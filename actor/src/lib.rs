@@ -67,7 +67,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     } else {
         bus.claim(args.id)?
     };
-    let ended = attached.then(|| attach::watch(&domain, stop));
+    let ended = attached.then(|| attach::watch(domain, stop));
     if attached {
         println!(
             "attached to {} as actor {}; Ctrl-C to leave",

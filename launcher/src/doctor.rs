@@ -3,13 +3,25 @@
 use std::process::ExitCode;
 
 use rustix::process::{Resource, getrlimit};
+use wire::{Kept, Leftover, Liveness, Unseen};
 
 /// Shared memory that a run of a few actors can come to need (MiB).
 const ENOUGH_SHARED: u64 = 256;
+/// Space for sockets and names (bytes).
+const ENOUGH_SOCKETS: u64 = 64 << 20;
 /// Open files that a process of a run with 64 actors can come to need.
 const ENOUGH_FILES: u64 = 1024;
 /// Memory of a run with a million transitions (MiB).
 const ENOUGH_MEMORY: u64 = 2048;
+
+/// What doctor is told.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Also clear a run of which no lock is seen. Only when it is alive nowhere: not in another
+    /// container, mount namespace or service
+    #[arg(long, value_name = "ID")]
+    clear: Vec<String>,
+}
 
 /// Lines of a report, and whether anything in it keeps a run from starting.
 #[derive(Default)]
@@ -34,7 +46,7 @@ impl Report {
 
 /// Looks at the machine, clears what dead runs left, and says what to do. The exit code is 1
 /// when a run may not start or not last.
-pub(crate) fn doctor() -> anyhow::Result<ExitCode> {
+pub(crate) fn doctor(args: &Args) -> anyhow::Result<ExitCode> {
     let mut report = Report::default();
     report.line(
         "formica",
@@ -45,6 +57,15 @@ pub(crate) fn doctor() -> anyhow::Result<ExitCode> {
         ),
     );
     machine(&mut report)?;
+    for id in &args.clear {
+        match wire::clear_unseen(id) {
+            Ok(()) => report.line(&format!("run {id}"), "cleared"),
+            Err(why) => {
+                report.line(&format!("run {id}"), &format!("not cleared: {why}"));
+                report.bad = true;
+            }
+        }
+    }
     runs(&mut report);
     print!("{}", report.text);
     Ok(ExitCode::from(u8::from(report.bad)))
@@ -57,13 +78,7 @@ fn machine(report: &mut Report) -> anyhow::Result<()> {
         cores >= 2,
         "learner and actors share one core: expect runs to take twice as long",
     );
-    let free = wire::shared_memory_available()? >> 20;
-    report.line("/dev/shm", &format!("{free} MiB free"));
-    report.check(
-        free >= ENOUGH_SHARED,
-        "little; in a container start it with --shm-size=1g, elsewhere `mount -o \
-         remount,size=1g /dev/shm`, or lower topology.window and topology.max_actors",
-    );
+    places(report);
     let memory = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
     let available = memory
         .lines()
@@ -88,31 +103,79 @@ fn machine(report: &mut Report) -> anyhow::Result<()> {
         files >= ENOUGH_FILES,
         "few; `ulimit -n 4096` in the shell that launches",
     );
-    let folder = std::env::temp_dir();
-    let space = rustix::fs::statvfs(&folder)?;
-    let free = (space.f_bavail * space.f_frsize) >> 20;
-    report.line(&folder.display().to_string(), &format!("{free} MiB free"));
-    report.check(
-        free >= 64,
-        "sockets and names of a run's channels lie there",
-    );
     Ok(())
+}
+
+/// Where channels lie: shared memory, and the folder of sockets and names.
+fn places(report: &mut Report) {
+    match wire::shared_memory_available() {
+        Ok(free) => {
+            let free = free >> 20;
+            report.line(wire::SHARED_MEMORY, &format!("{free} MiB free"));
+            report.check(
+                free >= ENOUGH_SHARED,
+                "little; in a container start it with --shm-size=1g, elsewhere `mount -o \
+                 remount,size=1g /dev/shm`, or lower topology.window and topology.max_actors",
+            );
+            report.check(
+                wire::shared_memory_is_in_memory(),
+                "on a disk, so every message waits for it; `mount -t tmpfs -o size=1g tmpfs \
+                 /dev/shm` puts it in memory",
+            );
+        }
+        Err(error) => {
+            report.line(wire::SHARED_MEMORY, "not usable");
+            report.check(false, &error.to_string());
+        }
+    }
+    match wire::sockets_available() {
+        Ok(free) => {
+            report.line(wire::SOCKETS, &format!("{} MiB free", free >> 20));
+            report.check(
+                free >= ENOUGH_SOCKETS,
+                "little; sockets and names of a run's channels lie there",
+            );
+        }
+        Err(error) => {
+            report.line(wire::SOCKETS, "not usable");
+            report.check(false, &error.to_string());
+        }
+    }
 }
 
 fn runs(report: &mut Report) {
     let found = wire::leftovers();
     for run in &found {
-        let what = format!("{} files, {} MiB", run.files, run.bytes >> 20);
-        let state = if run.alive {
-            "alive"
-        } else if wire::clear(run) {
-            "dead: cleared"
-        } else {
-            "alive again"
-        };
-        report.line(&format!("run {}", run.id), &format!("{what}, {state}"));
+        let size = format!("{} files, {} MiB", run.files, run.bytes >> 20);
+        report.line(
+            &format!("run {}", run.id),
+            &format!("{size}, {}", state(run)),
+        );
     }
     if found.is_empty() {
         report.line("runs", "none, nothing left behind");
+    }
+}
+
+/// Clears what is dead. What a run is, and what its user may do.
+fn state(run: &Leftover) -> String {
+    let id = &run.id;
+    match &run.liveness {
+        Liveness::Alive => "alive".to_owned(),
+        Liveness::Dead => match wire::clear(id) {
+            Ok(()) | Err(Kept::Nothing) => "dead: cleared".to_owned(),
+            Err(why) => format!("dead, not cleared: {why}"),
+        },
+        Liveness::Unknown(Unseen::NoLock) => format!(
+            "left alone: no lock of it is visible from here, so it may be alive in another container \
+             or mount namespace; if it is not, `formica doctor --clear {id}` clears it"
+        ),
+        Liveness::Unknown(why @ Unseen::Foreign { .. }) => {
+            format!("left alone: {why}, who alone can clear it")
+        }
+        Liveness::Unknown(why) => format!(
+            "left alone: {why}, so it may be alive; `formica doctor` clears it once its lock can be \
+             seen"
+        ),
     }
 }

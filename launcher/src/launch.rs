@@ -112,8 +112,12 @@ pub(crate) fn resume(name: &str, plain: bool) -> anyhow::Result<ExitCode> {
 }
 
 fn clear_dead() {
-    for dead in wire::leftovers().iter().filter(|run| !run.alive) {
-        if wire::clear(dead) {
+    let found = wire::leftovers();
+    for dead in found
+        .iter()
+        .filter(|run| run.liveness == wire::Liveness::Dead)
+    {
+        if wire::clear(&dead.id).is_ok() {
             println!(
                 "cleared what the dead run {} left in shared memory",
                 dead.id

@@ -106,7 +106,7 @@ enum Command {
     /// Everything that runs have left, as one page: scores, curves, graph, paths, stages, config
     Report(report::Args),
     /// Look at this machine, and clear what dead runs left in shared memory
-    Doctor,
+    Doctor(doctor::Args),
     /// An actor of a run (started by launch)
     Actor(actor::Args),
     /// The learner of a run (started by launch)
@@ -181,10 +181,10 @@ fn main() -> ExitCode {
         Command::Replay { trace } => replay::run(&trace),
         Command::Recover { trace, out } => recovery::run(&trace, out.as_deref()),
         Command::Report(args) => report::run(&args),
-        Command::Doctor => doctor::doctor(),
-        Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),
-        Command::Learner(args) => role::run(|stop| learner::run(&args, stop)),
-        Command::GraphBuilder(args) => role::run(|stop| graph_builder::run(&args, stop)),
+        Command::Doctor(args) => doctor::doctor(&args),
+        Command::Actor(args) => role::run(args.attach.is_none(), |stop| actor::run(&args, stop)),
+        Command::Learner(args) => role::run(true, |stop| learner::run(&args, stop)),
+        Command::GraphBuilder(args) => role::run(true, |stop| graph_builder::run(&args, stop)),
     };
     result.unwrap_or_else(|error| {
         // A terminal that is gone is no reason to panic.

@@ -16,17 +16,18 @@ pub(crate) const LAUNCHER: &str = "FORMICA_LAUNCHER";
 /// From the wish to stop to the end of a process that does not heed it.
 const GRACE: Duration = Duration::from_secs(3);
 
-/// Runs a role; `stop` is set by SIGINT, SIGTERM and the launcher's death.
+/// Runs a role; `stop` is set by SIGINT, SIGTERM and the launcher's death. One that was not
+/// `launched` has no launcher, whatever its environment says.
 pub(crate) fn run(
+    launched: bool,
     work: impl FnOnce(&Arc<AtomicBool>) -> anyhow::Result<()>,
 ) -> anyhow::Result<ExitCode> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
-    let launcher = std::env::var(LAUNCHER)
-        .ok()
-        .and_then(|pid| Pid::from_raw(pid.parse().ok()?));
+    let launcher = launched.then(|| std::env::var(LAUNCHER).ok()).flatten();
+    let launcher = launcher.and_then(|pid| Pid::from_raw(pid.parse().ok()?));
     // The kernel's word comes at once but only from the launcher's own thread; looking is slower
     // and misses nothing, a launcher that was gone before this line included.
     let _ = set_parent_process_death_signal(launcher.map(|_| Signal::TERM));

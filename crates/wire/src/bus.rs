@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 use std::fs::{self, File, OpenOptions};
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -365,11 +365,11 @@ impl Bus {
         text.parse().ok()
     }
 
-    /// Whether a process holds an actor's id.
+    /// Whether a process holds an actor's id, or it cannot be told that none does.
     pub(crate) fn is_claimed(root: &std::path::Path, actor: u32) -> bool {
         match File::open(claim_path(root, actor)) {
-            Ok(file) => matches!(file.try_lock_shared(), Err(fs::TryLockError::WouldBlock)),
-            Err(_) => false,
+            Ok(file) => file.try_lock_shared().is_err(),
+            Err(error) => error.kind() != ErrorKind::NotFound,
         }
     }
 
