@@ -1,6 +1,7 @@
 //! Finding a run that is alive, to join it from any shell.
 
 use std::fs::{File, TryLockError};
+use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -99,10 +100,14 @@ fn is_led(folder: &Path) -> bool {
 }
 
 /// Sets `stop` when the run is no longer alive: an attached actor has no launcher for a parent.
-pub(crate) fn watch(domain: RunDomain, stop: &Arc<AtomicBool>) -> Arc<AtomicBool> {
+///
+/// # Errors
+/// A thread that the system does not let us have.
+pub(crate) fn watch(domain: RunDomain, stop: &Arc<AtomicBool>) -> io::Result<Arc<AtomicBool>> {
     let ended = Arc::new(AtomicBool::new(false));
     let (told, stop) = (Arc::clone(&ended), Arc::clone(stop));
-    std::thread::spawn(move || {
+    let watcher = std::thread::Builder::new();
+    watcher.spawn(move || {
         while !stop.load(Ordering::Relaxed) {
             if domain.is_over() {
                 told.store(true, Ordering::Relaxed);
@@ -110,8 +115,8 @@ pub(crate) fn watch(domain: RunDomain, stop: &Arc<AtomicBool>) -> Arc<AtomicBool
             }
             std::thread::sleep(LOOK);
         }
-    });
-    ended
+    })?;
+    Ok(ended)
 }
 
 #[cfg(test)]

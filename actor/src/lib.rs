@@ -67,7 +67,8 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     } else {
         bus.claim(args.id)?
     };
-    let ended = attached.then(|| attach::watch(domain, stop));
+    let ended = attached.then(|| attach::watch(domain, stop)).transpose();
+    let ended = ended.context("starting a thread")?;
     if attached {
         println!(
             "attached to {} as actor {}; Ctrl-C to leave",

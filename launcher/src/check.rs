@@ -6,6 +6,8 @@ use agents::{high, low, vae, walker};
 use config::{Config, Kind};
 use wire::{Limits, Reader};
 
+use crate::allowance;
+
 /// Reads a config and checks all that the file alone does not tell: the maze's map, and whether
 /// shared memory holds the run.
 pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Config> {
@@ -28,6 +30,7 @@ pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Con
         }
         faults
     })?;
+    allowance::check(&config)?;
     Ok(config)
 }
 
@@ -46,6 +49,7 @@ fn too_little(config: &Config, available: u64) -> Option<String> {
 
 /// Checks what a run that is resumed needs of the machine; its config was checked before.
 pub(crate) fn resources(config: &Config) -> anyhow::Result<()> {
+    allowance::check(config)?;
     match too_little(config, wire::shared_memory_available()?) {
         Some(message) => anyhow::bail!(message),
         None => Ok(()),

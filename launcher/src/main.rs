@@ -4,6 +4,7 @@
 //! cut off, 130 ended by Ctrl-C.
 
 mod accounts;
+mod allowance;
 mod axis;
 mod chart;
 mod check;
@@ -145,6 +146,8 @@ fn pair(text: &str) -> Result<(String, String), String> {
 }
 
 fn main() -> ExitCode {
+    // Where it cannot be done, such a file ends the process as it would have.
+    let _ = allowance::outlive_small_files();
     let result = match Cli::parse().command {
         Command::Launch {
             config: LaunchArgs { config, over },

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use anyhow::Context;
 use config::Config;
 use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
 
@@ -32,7 +33,7 @@ pub(crate) fn run(
     // and misses nothing, a launcher that was gone before this line included.
     let _ = set_parent_process_death_signal(launcher.map(|_| Signal::TERM));
     let watched = Arc::clone(&stop);
-    std::thread::spawn(move || {
+    let watcher = std::thread::Builder::new().spawn(move || {
         let mut stopping: Option<Instant> = None;
         loop {
             if launcher.is_some() && getppid() != launcher {
@@ -46,6 +47,7 @@ pub(crate) fn run(
             std::thread::sleep(Duration::from_millis(250));
         }
     });
+    watcher.context("starting a thread")?;
     work(&stop)?;
     Ok(ExitCode::SUCCESS)
 }

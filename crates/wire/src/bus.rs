@@ -16,150 +16,16 @@ use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use crate::WireError;
+use crate::cause::Cause;
 use crate::domain::RunDomain;
+use crate::limits::{HELD, Limits, Qos, SPARE};
 use crate::records::{
     Acknowledgement, AcknowledgementHeader, Directive, EpisodeResult, LAYOUT, Metric, Module,
-    Reader, SnapshotHeader, Status, TrajectoryHeader, Transition,
+    SnapshotHeader, Status, TrajectoryHeader, Transition,
 };
 
 pub(crate) type Ipc = ipc::Service;
 pub(crate) type Topic<T, H> = PortFactory<Ipc, [T], H>;
-
-/// Sizes that a run's services are made with.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Limits {
-    /// Actors at a time, attached ones included.
-    pub max_actors: usize,
-    /// Trajectories that an actor may have unacknowledged.
-    pub window: usize,
-    /// Transitions of a trajectory, its final row included.
-    pub trajectory_steps: usize,
-    /// Values of each module's weights, in the order of [`Module::ALL`]; 0 for none.
-    pub weights: [usize; 4],
-    /// Bytes of a graph.
-    pub graph_bytes: usize,
-    /// Readers that must have every trajectory.
-    pub readers: Vec<Reader>,
-}
-
-/// Places kept free beyond the processes that are planned: dead ones not yet swept, tools.
-const SPARE: usize = 4;
-/// A trajectory buffer's places beyond the window: hello, bye.
-const BUFFER_SPARE: usize = 4;
-/// Loaned, and held by readers, at a time.
-const HELD: usize = 2;
-const REPORT_BUFFER: usize = 256;
-
-pub(crate) struct Qos {
-    publishers: usize,
-    subscribers: usize,
-    buffer: usize,
-    history: usize,
-    overflow: bool,
-}
-
-impl Limits {
-    fn processes(&self) -> usize {
-        self.max_actors + 3 + SPARE
-    }
-
-    pub(crate) fn trajectory_qos(&self) -> Qos {
-        Qos {
-            publishers: self.max_actors + SPARE,
-            subscribers: 2 + SPARE,
-            buffer: self.window + BUFFER_SPARE,
-            history: 0,
-            overflow: false,
-        }
-    }
-
-    fn latest_qos(&self) -> Qos {
-        Qos {
-            publishers: 2,
-            subscribers: self.processes(),
-            // A place for the newest, and one for what is refused.
-            buffer: 2,
-            history: 1,
-            overflow: true,
-        }
-    }
-
-    fn report_qos(&self) -> Qos {
-        Qos {
-            publishers: self.processes(),
-            subscribers: 2,
-            buffer: REPORT_BUFFER,
-            history: 0,
-            overflow: true,
-        }
-    }
-
-    /// Shared memory that the run can come to use, every place taken (bytes).
-    #[must_use]
-    pub fn shared_memory_bytes(&self) -> u64 {
-        let chunks = |qos: &Qos| {
-            (qos.publishers * (qos.subscribers * (qos.buffer + HELD) + qos.history + HELD)) as u64
-        };
-        // Each chunk has a header; sizes are rounded up to a power of two in the worst case.
-        let sized = |bytes: usize| (bytes as u64 + 256) * 2;
-        let trajectory = self.trajectory_steps * size_of::<Transition>();
-        let latest = self.latest_qos();
-        let snapshots: u64 = self
-            .weights
-            .iter()
-            .map(|values| values * 4)
-            .chain([self.graph_bytes, size_of::<Directive>()])
-            .map(|bytes| chunks(&latest) * sized(bytes))
-            .sum();
-        let reports: u64 = [
-            size_of::<Status>(),
-            size_of::<Metric>(),
-            size_of::<EpisodeResult>(),
-        ]
-        .into_iter()
-        .map(|bytes| chunks(&self.report_qos()) * sized(bytes))
-        .sum();
-        chunks(&self.trajectory_qos()) * sized(trajectory) + snapshots + reports
-    }
-
-    fn to_text(&self) -> String {
-        let weights = self.weights.map(|values| values.to_string()).join(",");
-        let readers: Vec<&str> = self.readers.iter().map(|reader| reader.name()).collect();
-        format!(
-            "layout={LAYOUT}\nmax_actors={}\nwindow={}\ntrajectory_steps={}\nweights={weights}\n\
-             graph_bytes={}\nreaders={}\n",
-            self.max_actors,
-            self.window,
-            self.trajectory_steps,
-            self.graph_bytes,
-            readers.join(","),
-        )
-    }
-
-    /// Reads [`to_text`](Self::to_text)'s lines: the layout and the limits.
-    fn from_text(text: &str) -> Option<(u32, Self)> {
-        let value = |key: &str| {
-            text.lines()
-                .find_map(|line| line.strip_prefix(key)?.strip_prefix('='))
-        };
-        let number = |key: &str| value(key)?.parse().ok();
-        let layout = value("layout")?.parse().ok()?;
-        let mut weights = [0; 4];
-        for (slot, text) in weights.iter_mut().zip(value("weights")?.split(',')) {
-            *slot = text.parse().ok()?;
-        }
-        let named = |name: &str| Reader::ALL.into_iter().find(|reader| reader.name() == name);
-        let limits = Self {
-            max_actors: number("max_actors")?,
-            window: number("window")?,
-            trajectory_steps: number("trajectory_steps")?,
-            weights,
-            graph_bytes: number("graph_bytes")?,
-            readers: value("readers")?.split(',').filter_map(named).collect(),
-        };
-        Some((layout, limits))
-    }
-}
 
 /// Events that wake a process which waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -202,11 +68,15 @@ pub struct Bus {
     host: bool,
 }
 
-fn failed(service: &str, action: &'static str) -> impl Fn(String) -> WireError {
+fn failed(
+    service: &str,
+    action: &'static str,
+    root: &std::path::Path,
+) -> impl Fn(String) -> WireError {
     move |reason| WireError::Service {
         service: service.to_owned(),
         action,
-        reason,
+        cause: Cause::of(reason, Some(root)),
     }
 }
 
@@ -277,8 +147,13 @@ impl Bus {
         limits: Limits,
         host: bool,
     ) -> Result<Self, WireError> {
+        limits.allow()?;
+        limits.allow_segments()?;
         set_log_level_from_env_or(LogLevel::Error);
-        let failed = failed(name, "join the run");
+        let failed = |reason| WireError::Join {
+            name: name.to_owned(),
+            cause: Cause::of(reason, Some(domain.root())),
+        };
         let mut config = Config::default();
         let root = format!("{}/", domain.root().display());
         let root = Path::new(root.as_bytes()).map_err(|e| failed(format!("{e:?}")))?;
@@ -286,9 +161,9 @@ impl Bus {
         config.global.prefix =
             FileName::new(domain.prefix().as_bytes()).map_err(|e| failed(format!("{e:?}")))?;
         config.global.creation_timeout = PATIENCE;
-        let name = NodeName::new(name).map_err(|e| failed(format!("{e:?}")))?;
+        let label = NodeName::new(name).map_err(|e| failed(format!("{e:?}")))?;
         let node = NodeBuilder::new()
-            .name(&name)
+            .name(&label)
             .config(&config)
             // Signals are the program's own business.
             .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -414,7 +289,7 @@ impl Bus {
         T: Debug + ZeroCopySend + 'static,
         H: Debug + ZeroCopySend + 'static,
     {
-        let service = |reason| failed(name, "be opened")(reason);
+        let service = |reason| failed(name, "be opened", &self.root)(reason);
         let label = ServiceName::new(name).map_err(|e| service(format!("{e:?}")))?;
         patiently(&self.node, || {
             let builder = self
@@ -475,7 +350,7 @@ impl Bus {
 
     fn event(&self, waker: Waker) -> Result<EventFactory<Ipc>, WireError> {
         let name = waker.service();
-        let service = |reason| failed(name, "be opened")(reason);
+        let service = |reason| failed(name, "be opened", &self.root)(reason);
         let label = ServiceName::new(name).map_err(|e| service(format!("{e:?}")))?;
         let places = 2 * self.limits.processes();
         patiently(&self.node, || {
@@ -498,13 +373,13 @@ impl Bus {
 
     pub(crate) fn notifier(&self, waker: Waker) -> Result<Notifier<Ipc>, WireError> {
         let factory = self.event(waker)?;
-        let failed = failed(waker.service(), "get a notifier");
+        let failed = failed(waker.service(), "get a notifier", &self.root);
         patiently(&self.node, || factory.notifier_builder().create()).map_err(failed)
     }
 
     pub(crate) fn listener(&self, waker: Waker) -> Result<Listener<Ipc>, WireError> {
         let factory = self.event(waker)?;
-        let failed = failed(waker.service(), "get a listener");
+        let failed = failed(waker.service(), "get a listener", &self.root);
         patiently(&self.node, || factory.listener_builder().create()).map_err(failed)
     }
 
@@ -515,7 +390,7 @@ impl Bus {
         action: &'static str,
         make: impl FnMut() -> Result<T, E>,
     ) -> Result<T, WireError> {
-        patiently(&self.node, make).map_err(failed(name, action))
+        patiently(&self.node, make).map_err(failed(name, action, &self.root))
     }
 }
 
@@ -525,27 +400,9 @@ pub(crate) fn sleep(listener: &Listener<Ipc>, timeout: Duration) {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-
-    pub(crate) fn limits() -> Limits {
-        Limits {
-            max_actors: 4,
-            window: 4,
-            trajectory_steps: 65,
-            weights: [100, 0, 0, 50],
-            graph_bytes: 1000,
-            readers: vec![Reader::Learner],
-        }
-    }
-
-    #[test]
-    fn limits_travel_as_text() {
-        let mut limits = limits();
-        limits.readers = Reader::ALL.to_vec();
-        assert_eq!(Limits::from_text(&limits.to_text()), Some((LAYOUT, limits)));
-        assert_eq!(Limits::from_text("layout=1\nwindow=x"), None);
-    }
+    use crate::limits::tests::limits;
 
     #[test]
     fn another_layout_is_refused_by_name() {

@@ -13,6 +13,7 @@ use iceoryx2::sample::Sample;
 
 use crate::WireError;
 use crate::bus::{Bus, Ipc, Topic, Waker};
+use crate::cause::Cause;
 use crate::records::{Directive, Module, SnapshotHeader};
 
 struct Outlet<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> {
@@ -61,7 +62,7 @@ impl<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> Outlet<T> {
         let failed = |reason: String| WireError::Service {
             service: self.service.to_owned(),
             action: "publish",
-            reason,
+            cause: Cause::of(reason, None),
         };
         let mut sample = self
             .publisher
@@ -394,8 +395,8 @@ impl DirectiveSubscriber {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bus::tests::limits;
     use crate::domain::RunDomain;
+    use crate::limits::tests::limits;
 
     #[test]
     fn a_late_joiner_gets_the_newest_weights_and_only_once() {

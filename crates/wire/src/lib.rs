@@ -15,11 +15,14 @@
 //! says hello until every required reader has acknowledged it, and keeps no more trajectories
 //! unacknowledged than a reader's buffer holds; sending then never blocks and never drops.
 
+mod allowance;
 mod bus;
+mod cause;
 mod choices;
 mod domain;
 mod latest;
 mod ledger;
+mod limits;
 mod records;
 mod reports;
 mod round;
@@ -29,7 +32,8 @@ use std::hash::{BuildHasher, RandomState};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
-pub use bus::{Bus, Claim, Limits, Waker};
+pub use bus::{Bus, Claim, Waker};
+pub use cause::Cause;
 pub use choices::settled;
 pub use domain::{
     Kept, Leftover, Liveness, RunDomain, SHARED_MEMORY, SOCKETS, Unseen, clear, clear_unseen,
@@ -40,6 +44,7 @@ pub use latest::{
     WeightsPublisher, WeightsSubscriber,
 };
 pub use ledger::{Books, Source};
+pub use limits::Limits;
 pub use records::{
     ACTION, Directive, EpisodeResult, Kind, LAYOUT, MAX_ACTORS, MAX_EPISODES, Metric, Module,
     OBSERVATION, Phase, Reader, Role, State, Status, TrajectoryHeader, Transition, flags,
@@ -127,15 +132,40 @@ pub enum WireError {
         /// Layout of this program.
         ours: u32,
     },
+    /// A process got no place on the channels.
+    #[error("'{name}' cannot join the run's channels: {cause}")]
+    Join {
+        /// The process, as its node is called.
+        name: String,
+        /// Why, as far as it can be told.
+        cause: Cause,
+    },
     /// A service or port could not be made.
-    #[error("channel '{service}': cannot {action}: {reason}")]
+    #[error("channel '{service}' cannot {action}: {cause}")]
     Service {
         /// The service.
         service: String,
         /// What was tried.
         action: &'static str,
-        /// What iceoryx2 said.
-        reason: String,
+        /// Why, as far as it can be told.
+        cause: Cause,
+    },
+    /// The system lets a process have less than the run can need.
+    #[error(
+        "a process may have {limit} {what} here, and one of this run can need {needed}; raise the \
+         limit with `ulimit -{letter} {needed}`, {elsewhere}, or lower topology.max_actors"
+    )]
+    Limited {
+        /// Of what.
+        what: &'static str,
+        /// Letter of the shell's `ulimit`.
+        letter: char,
+        /// What a process may have.
+        limit: u64,
+        /// What it can need.
+        needed: u64,
+        /// Where else the limit is set.
+        elsewhere: &'static str,
     },
     /// A required reader did not answer in time.
     #[error("{reader} did not answer actor {actor} within {seconds:.0} s")]

@@ -17,6 +17,7 @@ use iceoryx2::prelude::*;
 
 use crate::WireError;
 use crate::bus::{Bus, Claim, Ipc, Waker, sleep};
+use crate::cause::Cause;
 use crate::ledger::{Ledger, Source};
 use crate::records::{
     Acknowledgement, AcknowledgementHeader, Kind, LAYOUT, MAX_ACTORS, Reader, Status,
@@ -290,7 +291,7 @@ impl TrajectorySender {
         let failed = |reason: String| WireError::Service {
             service: "trajectories".to_owned(),
             action: "send",
-            reason,
+            cause: Cause::of(reason, None),
         };
         let mut sample = self
             .publisher
@@ -590,8 +591,8 @@ impl TrajectoryReceiver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bus::tests::limits;
     use crate::domain::RunDomain;
+    use crate::limits::tests::limits;
 
     fn step(value: f32) -> Transition {
         Transition {
