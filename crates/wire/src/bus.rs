@@ -73,11 +73,7 @@ fn failed(
     action: &'static str,
     root: &std::path::Path,
 ) -> impl Fn(String) -> WireError {
-    move |reason| WireError::Service {
-        service: service.to_owned(),
-        action,
-        cause: Cause::of(reason, Some(root)),
-    }
+    move |reason| WireError::service(service, action, reason, Some(root))
 }
 
 /// How long a service may be in the middle of being made or cleaned up.

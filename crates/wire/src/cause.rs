@@ -9,6 +9,7 @@ use rustix::fs::statvfs;
 use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 
+use crate::WireError;
 use crate::domain::SHARED_MEMORY;
 
 /// What iceoryx2 said, and what the machine tells of it.
@@ -28,6 +29,22 @@ impl Cause {
             .or_else(|| root.and_then(full))
             .or_else(address_space);
         Self { reason, likely }
+    }
+}
+
+impl WireError {
+    /// What iceoryx2 refused of a service, with the likely cause.
+    pub(crate) fn service(
+        service: &str,
+        action: &'static str,
+        reason: String,
+        root: Option<&Path>,
+    ) -> Self {
+        Self::Service {
+            service: service.to_owned(),
+            action,
+            cause: Cause::of(reason, root),
+        }
     }
 }
 

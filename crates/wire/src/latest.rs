@@ -13,7 +13,6 @@ use iceoryx2::sample::Sample;
 
 use crate::WireError;
 use crate::bus::{Bus, Ipc, Topic, Waker};
-use crate::cause::Cause;
 use crate::records::{Directive, Module, SnapshotHeader};
 
 struct Outlet<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> {
@@ -59,11 +58,7 @@ impl<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> Outlet<T> {
                 limit,
             });
         }
-        let failed = |reason: String| WireError::Service {
-            service: self.service.to_owned(),
-            action: "publish",
-            cause: Cause::of(reason, None),
-        };
+        let failed = |reason: String| WireError::service(self.service, "publish", reason, None);
         let mut sample = self
             .publisher
             .loan_slice_uninit(values.len())

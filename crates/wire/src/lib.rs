@@ -105,7 +105,7 @@ pub enum WireError {
     /// A run's channels are not to be seen from here, wholly or in part.
     #[error(
         "the channels of run '{id}' are not visible from here: there is no '{}'; join it from where \
-         it was launched, or from a container or service with the same /tmp and /dev/shm",
+         it was launched, or from a container or service with the same /tmp and /dev/shm{removed}",
         .path.display()
     )]
     Hidden {
@@ -113,6 +113,8 @@ pub enum WireError {
         id: String,
         /// What is not there.
         path: PathBuf,
+        /// How else it may have gone, as the end of a sentence.
+        removed: &'static str,
     },
     /// It cannot be told whether a run is alive.
     #[error("it cannot be told whether run '{id}' is alive: {unseen}")]

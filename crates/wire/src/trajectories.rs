@@ -17,7 +17,6 @@ use iceoryx2::prelude::*;
 
 use crate::WireError;
 use crate::bus::{Bus, Claim, Ipc, Waker, sleep};
-use crate::cause::Cause;
 use crate::ledger::{Ledger, Source};
 use crate::records::{
     Acknowledgement, AcknowledgementHeader, Kind, LAYOUT, MAX_ACTORS, Reader, Status,
@@ -288,11 +287,7 @@ impl TrajectorySender {
                 limit: self.limit,
             });
         }
-        let failed = |reason: String| WireError::Service {
-            service: "trajectories".to_owned(),
-            action: "send",
-            cause: Cause::of(reason, None),
-        };
+        let failed = |reason: String| WireError::service("trajectories", "send", reason, None);
         let mut sample = self
             .publisher
             .loan_slice_uninit(steps)

@@ -29,6 +29,10 @@ use places::{Places, UNBORN, is_id};
 /// Ids that are tried before a domain is not made: each is taken once in four billion times.
 const ATTEMPTS: usize = 100;
 
+/// Why the files in shared memory of a run that is alive may be gone.
+const LOGGED_OUT: &str = "; systemd removes a user's shared memory at log-out unless logind.conf has \
+                          RemoveIPC=no or the user lingers (`loginctl enable-linger`)";
+
 fn io(path: &Path, reason: std::io::Error) -> WireError {
     WireError::Io {
         path: path.display().to_string(),
@@ -125,16 +129,19 @@ impl RunDomain {
             return Err(WireError::NoSuchRun(id.to_owned()));
         }
         let root = places.root(id);
-        let hidden = |path: PathBuf| WireError::Hidden {
+        let hidden = |path: PathBuf, removed| WireError::Hidden {
             id: id.to_owned(),
             path,
+            removed,
         };
         let View { folder, shared, .. } = match View::of(&places, id) {
             view if view.is_nothing() => return Err(WireError::NoSuchRun(id.to_owned())),
             view => match view.liveness() {
                 Liveness::Alive => view,
                 Liveness::Dead => return Err(WireError::NoSuchRun(id.to_owned())),
-                Liveness::Unknown(Unseen::NoLock) => return Err(hidden(places.folder_lock(id))),
+                Liveness::Unknown(Unseen::NoLock) => {
+                    return Err(hidden(places.folder_lock(id), ""));
+                }
                 Liveness::Unknown(unseen) => {
                     let id = id.to_owned();
                     return Err(WireError::Unseen { id, unseen });
@@ -142,10 +149,10 @@ impl RunDomain {
             },
         };
         if !root.is_dir() {
-            return Err(hidden(root));
+            return Err(hidden(root, ""));
         }
         if places.shared_files(id).is_empty() {
-            return Err(hidden(places.shared_lock(id)));
+            return Err(hidden(places.shared_lock(id), LOGGED_OUT));
         }
         match (folder, shared) {
             (Sight::Held(file), _) | (_, Sight::Held(file)) => Ok(Self {
