@@ -300,5 +300,9 @@ fn a_place_that_is_missing_closed_or_taken_is_named_with_what_to_do() {
         assert_ne!(code, Some(0), "{script}\n{told}");
         assert!(!told.contains("nowhere"), "{told}");
         assert!(told.contains("\n1\n"), "{told}");
+        assert!(
+            !told.contains("collect:") && !here.join("runs").exists(),
+            "{told}"
+        );
     }
 }

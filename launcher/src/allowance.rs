@@ -13,8 +13,9 @@ use crate::check;
 const THREADS: u64 = 4;
 
 /// Raises what this process may have to what the run needs; an error names the limit that is too
-/// low and how it is raised.
+/// low and how it is raised, or the place where channels cannot lie.
 pub(crate) fn check(config: &Config) -> anyhow::Result<()> {
+    wire::sockets_available()?;
     check::limits(config).allow()?;
     let needed = THREADS * (config.topology.actors as u64 + 3);
     // The kernel holds no limit of a user against root.

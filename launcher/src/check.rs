@@ -30,7 +30,6 @@ pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Con
         }
         faults
     })?;
-    allowance::check(&config)?;
     Ok(config)
 }
 
@@ -47,7 +46,7 @@ fn too_little(config: &Config, available: u64) -> Option<String> {
     })
 }
 
-/// Checks what a run that is resumed needs of the machine; its config was checked before.
+/// Checks what a run needs of the machine, beyond what [`load`] does: a data set can be made without.
 pub(crate) fn resources(config: &Config) -> anyhow::Result<()> {
     allowance::check(config)?;
     match too_little(config, wire::shared_memory_available()?) {

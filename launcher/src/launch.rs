@@ -73,6 +73,7 @@ struct Run<'c> {
 /// Launches a run and stays until it has ended.
 pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
     let interrupts = Interrupts::listen()?;
+    check::resources(config)?;
     clear_dead();
     let start = Instant::now();
     if let Some(code) = collect(config, &interrupts)? {

@@ -160,9 +160,10 @@ fn main() -> ExitCode {
             (None, Some(run)) => launch::resume(&run, plain),
             (None, None) => Err(anyhow::anyhow!("name a run file, or a run to --resume")),
         },
-        Command::Check(args) => check::load(&args.config, &args.over.sets).map(|_| {
+        Command::Check(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
+            check::resources(&config)?;
             println!("{}: no fault found", args.config.display());
-            ExitCode::SUCCESS
+            Ok(ExitCode::SUCCESS)
         }),
         Command::Collect(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
             let stopped = role::collect(&config, &interrupts::Interrupts::listen()?)?;

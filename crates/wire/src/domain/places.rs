@@ -156,6 +156,7 @@ impl Places {
         match make_private(&self.folder) {
             Err(error) if error.kind() != ErrorKind::AlreadyExists => {
                 let parent = self.folder.parent().unwrap_or(&self.folder);
+                check(parent, SOCKETS_REMEDY)?;
                 return Err(unfit(parent, &error.to_string(), SOCKETS_REMEDY));
             }
             _ => {}
@@ -207,8 +208,7 @@ fn check(path: &Path, remedy: &'static str) -> Result<(), WireError> {
     }
 }
 
-fn available(path: &str, remedy: &'static str) -> Result<u64, WireError> {
-    let path = Path::new(path);
+fn available(path: &Path, remedy: &'static str) -> Result<u64, WireError> {
     check(path, remedy)?;
     match statvfs(path) {
         Ok(space) => Ok(space.f_bavail * space.f_frsize),
@@ -221,7 +221,7 @@ fn available(path: &str, remedy: &'static str) -> Result<u64, WireError> {
 /// # Errors
 /// [`WireError::Unfit`] where there is none, or none that this user may write to.
 pub fn shared_memory_available() -> Result<u64, WireError> {
-    available(SHARED_MEMORY, SHARED_REMEDY)
+    available(Path::new(SHARED_MEMORY), SHARED_REMEDY)
 }
 
 /// Space that is free where sockets and names lie (bytes).
@@ -235,11 +235,14 @@ pub fn sockets_available() -> Result<u64, WireError> {
         let folder = places.folder;
         return Err(WireError::Obstructed { folder, unseen });
     }
-    // One that is there is enough: /tmp itself may then be closed to this user.
-    if places.folder.is_dir() {
-        check(&places.folder, SOCKETS_REMEDY)?;
-    }
-    available(SOCKETS, SOCKETS_REMEDY)
+    // One that is there is enough: /tmp itself may be closed to this user.
+    let there = places.folder.is_dir();
+    let path = if there {
+        places.folder.as_path()
+    } else {
+        Path::new(SOCKETS)
+    };
+    available(path, SOCKETS_REMEDY)
 }
 
 /// Whether shared memory is in memory: elsewhere every message would go to a disk.
