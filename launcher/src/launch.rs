@@ -73,8 +73,8 @@ struct Run<'c> {
 /// Launches a run and stays until it has ended.
 pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
     let interrupts = Interrupts::listen()?;
-    check::resources(config)?;
     clear_dead();
+    check::resources(config)?;
     let start = Instant::now();
     if let Some(code) = collect(config, &interrupts)? {
         return Ok(code);
