@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
 use config::{Collect, Config};
-use dataset::d4rl;
+use dataset::{Made, d4rl};
 use maze::{AntMaze, Layout, OBSERVATION, Physics, Route, Style, random_task};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
@@ -59,6 +59,28 @@ impl fmt::Display for Collected {
             "{transitions} transitions in {episodes} episodes ({fallen:.1}% on the back) to {path}"
         )
     }
+}
+
+/// What a collection by this config is noted as in its file; none without a `[collect]` table.
+///
+/// # Errors
+/// A walker that cannot be read.
+pub fn made(config: &Config) -> anyhow::Result<Option<Made>> {
+    let Some(settings) = &config.collect else {
+        return Ok(None);
+    };
+    let walker = Walker::load(settings.walker.as_ref().map(Path::new))?;
+    Ok(Some(Made {
+        maze: config.maze.layout.clone(),
+        maze_rows: config.maze.rows.join(" "),
+        style: settings.style.clone(),
+        transitions: settings.transitions.to_string(),
+        episode_steps: settings.episode_steps.to_string(),
+        noise: settings.noise.to_string(),
+        seed: config.run.seed.to_string(),
+        walker: walker.hash(),
+        formica_version: env!("CARGO_PKG_VERSION").to_owned(),
+    }))
 }
 
 /// Collects the data set of a config and writes it in D4RL's layout. The same seed gives the same
@@ -204,7 +226,7 @@ fn write(
         .collect();
     let next = || all.next.chunks_exact(OBSERVATION);
     let path = Path::new(&config.dataset.path);
-    d4rl::write_rows(
+    d4rl::write_made(
         path,
         &d4rl::Rows {
             observations: &all.observations,
@@ -216,6 +238,7 @@ fn write(
             qpos: &next().flat_map(|o| &o[..15]).copied().collect::<Vec<_>>(),
             qvel: &next().flat_map(|o| &o[15..]).copied().collect::<Vec<_>>(),
         },
+        made(config)?.as_ref(),
     )?;
     let fallen = next().filter(|o| maze::upright(o) < maze::FALLEN).count();
     Ok(Collected {

@@ -59,6 +59,15 @@ impl Walker {
         })
     }
 
+    /// A hash of the weights (FNV-1a, 16 hexadecimal digits).
+    pub(crate) fn hash(&self) -> String {
+        let bytes = self.weights.iter().flat_map(|value| value.to_le_bytes());
+        let hash = bytes.fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        format!("{hash:016x}")
+    }
+
     /// The walker as a low level.
     pub(crate) fn controller(&self) -> Controller {
         Controller::Walker(self.policy.clone(), self.weights.clone())

@@ -54,13 +54,17 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     status.set_text("loading the data set");
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder, &args.folder)?;
-    let data = Dataset::open(Path::new(&config.dataset.path))?;
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
-    let data = data.without(|place| config.dataset.leaves_out(layout.cell_at(place)));
+    let loaded = dataset::load_for(&config)?;
+    for note in &loaded.notes {
+        eprintln!("graph-builder: {note}");
+    }
+    let data = loaded.data;
     Builder {
         weights: WeightsSubscriber::new(&bus, Module::Encoder)?,
         publisher: GraphPublisher::new(&bus)?,
         directives: DirectiveSubscriber::new(&bus)?,
+        limit: bus.limits().graph_bytes,
         receiver,
         reporter,
         status,
@@ -116,6 +120,8 @@ struct Builder<'a> {
     weights: WeightsSubscriber,
     publisher: GraphPublisher,
     directives: DirectiveSubscriber,
+    /// What the graph's channel takes (bytes).
+    limit: usize,
     receiver: TrajectoryReceiver,
     reporter: Reporter,
     status: Status,
@@ -282,7 +288,19 @@ impl Builder<'_> {
         let Some(built) = &mut self.built else {
             return Ok(());
         };
-        let (graph, share, added) = built.pool.renew();
+        let (mut graph, share, added) = built.pool.renew();
+        if let Err(unusable) = graph.judge(built.pool.len(), self.limit) {
+            // Rollouts can drop too many edges: the version before them stays, under this number.
+            let Some(before) = self.tries.newest() else {
+                return Err(unusable.into());
+            };
+            eprintln!("graph-builder: {unusable}; the version before stays");
+            let version = graph.version;
+            graph = Graph {
+                version,
+                ..before.clone()
+            };
+        }
         let bytes = graph.to_bytes();
         let tally = self.tries.recent;
         // Kept before it is published: no successor gives a number to another graph.

@@ -2,11 +2,97 @@
 
 use std::path::Path;
 
+use ::dataset::{LoadError, Made};
 use agents::{high, low, vae, walker};
-use config::{Config, Kind};
+use config::{Config, Kind, Misfit};
+use maze::Layout;
 use wire::{Limits, Reader};
 
 use crate::allowance;
+
+/// Exit code of a fault in what the user gave. No restart mends one.
+pub(crate) const GIVEN: i32 = 2;
+
+/// Whether an error is of what the user gave: config or data.
+pub(crate) fn is_given(error: &anyhow::Error) -> bool {
+    error.is::<config::Faults>()
+        || error.is::<LoadError>()
+        || error.is::<OtherMaze>()
+        || error.is::<graph::Unusable>()
+        || error.is::<graph::kmeans::KMeansError>()
+        || error.is::<learner::Diverged>()
+}
+
+/// A data set of another maze than the config's.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{path}: was collected in maze.layout = \"{made}\", the config has \"{wanted}\"; name another \
+     file for this maze, or set maze.layout to the data's"
+)]
+pub(crate) struct OtherMaze {
+    path: String,
+    made: String,
+    wanted: String,
+}
+
+/// Reads the data set of a config, if it is there, and says what is to be said of it.
+///
+/// # Errors
+/// Data that cannot be read, or that do not fit the run.
+pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
+    let path = Path::new(&config.dataset.path);
+    if config.run.kind == Kind::Walker || !path.exists() {
+        return Ok(());
+    }
+    if let Some(made) = Made::read(path)? {
+        if !is_of_maze(&made, config)? {
+            let other = OtherMaze {
+                path: config.dataset.path.clone(),
+                made: made.maze,
+                wanted: config.maze.layout.clone(),
+            };
+            match config.dataset.fit {
+                Misfit::Refuse => return Err(other.into()),
+                Misfit::Warn => println!("note: {other}"),
+            }
+        } else if let Some(wanted) = actor::collect::made(config)? {
+            for change in changes(&made, &wanted) {
+                println!("note: {}: {change}", config.dataset.path);
+            }
+        }
+    }
+    for note in ::dataset::load_for(config)?.notes {
+        println!("note: {note}");
+    }
+    Ok(())
+}
+
+/// Whether a data set was collected in the config's maze, whatever either calls it.
+fn is_of_maze(made: &Made, config: &Config) -> anyhow::Result<bool> {
+    let rows: Vec<&str> = made.maze_rows.split_whitespace().collect();
+    // A maze that this version does not know is another one.
+    let Ok(own) = Layout::of(&made.maze, &rows) else {
+        return Ok(false);
+    };
+    let wanted = actor::layout(config)?;
+    let same = |layout: &Layout| (layout.shape(), layout.start(), layout.free_cells());
+    Ok(same(&own) == same(&wanted))
+}
+
+/// What of `[collect]` is not as it was, a sentence each. Its seed is the run's, and runs of other
+/// seeds may well learn from one data set.
+fn changes(made: &Made, wanted: &Made) -> Vec<String> {
+    let keys = ["style", "transitions", "episode_steps", "noise", "walker"];
+    let both = made.attributes().into_iter().zip(wanted.attributes());
+    both.filter(|((key, was), (_, is))| keys.contains(key) && was != is)
+        .map(|((key, was), (_, is))| {
+            format!(
+                "was collected with collect.{key} = {was}, the config has {is}; the file is taken \
+                 as it is, delete it to collect anew"
+            )
+        })
+        .collect()
+}
 
 /// Reads a config and checks all that the file alone does not tell: the maze's map, and whether
 /// shared memory holds the run.

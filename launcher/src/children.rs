@@ -13,6 +13,8 @@ use config::{Config, Supervision};
 use rustix::process::{Pid, Signal, kill_process};
 use wire::{Role, State, Status};
 
+use crate::check;
+
 /// One place in the topology and the process that fills it.
 pub(crate) struct Place {
     pub(crate) role: Role,
@@ -298,8 +300,11 @@ impl Place {
             None if status.success() => "left before the run was over".to_owned(),
             None => format!("ended with {status}"),
         };
-        // What it says before it ever joined is for the user to mend, not for a restart.
-        let hopeless = status.code().is_some_and(|code| code != 0) && !self.was_ready;
+        // What it says before it ever joined is for the user to mend, not for a restart; and so is
+        // a fault in what it was given, whenever it is found.
+        let hopeless = status
+            .code()
+            .is_some_and(|code| code == check::GIVEN || code != 0 && !self.was_ready);
         if stopping || hopeless {
             return Ended::Failed(why);
         }

@@ -155,13 +155,18 @@ fn main() -> ExitCode {
             plain,
         } => match (config, resume) {
             (Some(path), _) => {
-                check::load(&path, &over.sets).and_then(|config| launch::launch(&config, plain))
+                let config = check::load(&path, &over.sets);
+                config.and_then(|config| {
+                    check::data(&config)?;
+                    launch::launch(&config, plain)
+                })
             }
             (None, Some(run)) => launch::resume(&run, plain),
             (None, None) => Err(anyhow::anyhow!("name a run file, or a run to --resume")),
         },
         Command::Check(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
             check::resources(&config)?;
+            check::data(&config)?;
             println!("{}: no fault found", args.config.display());
             Ok(ExitCode::SUCCESS)
         }),
@@ -193,7 +198,7 @@ fn main() -> ExitCode {
     result.unwrap_or_else(|error| {
         // A terminal that is gone is no reason to panic.
         let _ = writeln!(std::io::stderr(), "formica: {error:#}");
-        let given = error.is::<config::Faults>() || error.is::<dataset::Refused>();
-        ExitCode::from(if given { 2 } else { 1 })
+        let given = error.is::<dataset::Refused>() || check::is_given(&error);
+        ExitCode::from(if given { check::GIVEN as u8 } else { 1 })
     })
 }

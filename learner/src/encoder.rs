@@ -151,6 +151,8 @@ fn moments(data: &Dataset) -> ([f32; 2], [f32; 2]) {
         (squares[axis] / n - mean[axis] * mean[axis])
             .max(0.0)
             .sqrt()
+            // Data on a line have no spread across it.
+            .max(1e-3)
     });
     (
         mean.map(|value| value as f32),

@@ -12,6 +12,8 @@ mod offline;
 mod save;
 mod walk;
 
+pub use offline::Diverged;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -56,6 +56,17 @@ pub(crate) enum News {
     Failed(anyhow::Error),
 }
 
+/// Weights that nobody would take: training them on does not mend it.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the {module}'s weights diverged (value {at} is not finite); lower its learning_rate, or look \
+     for huge values in the data"
+)]
+pub struct Diverged {
+    module: &'static str,
+    at: usize,
+}
+
 /// A training thread's way to tell it.
 pub(crate) struct Post<'s> {
     sender: Sender<News>,
@@ -231,8 +242,7 @@ pub(crate) fn run(
         settled: false,
     };
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
-    let data = Dataset::open(Path::new(&config.dataset.path))?;
-    let data = data.without(|place| config.dataset.leaves_out(layout.cell_at(place)));
+    let data = dataset::load_for(config)?.data;
     learner.describe(&data, &layout);
     let halt = AtomicBool::new(false);
     let result = std::thread::scope(|scope| {
@@ -513,6 +523,10 @@ impl<'c> Learner<'c> {
         structure: u64,
         weights: &[f32],
     ) -> anyhow::Result<()> {
+        if let Some(at) = weights.iter().position(|value| !value.is_finite()) {
+            let module = ["encoder", "low level", "high level"][module];
+            return Err(Diverged { module, at }.into());
+        }
         self.versions[module] = version;
         self.publishers[module].publish(version, structure, weights)?;
         Ok(())

@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::reader::{Document, Table};
 use crate::sections::{
     Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
-    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Supervision, Topology, Traces,
-    WalkerTraining,
+    Knowledge, Latent, Low, Maze, Misfit, Planner, Rollouts, Run, Seeding, Supervision, Topology,
+    Traces, WalkerTraining,
 };
 
 const LAYOUTS: [&str; 6] = ["umaze", "medium", "large", "giant", "teleport", "custom"];
@@ -86,6 +86,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         Dataset {
             path: String::new(),
             leave_out: vec![],
+            fit: Misfit::Refuse,
         }
     };
     let collect = (offline && has_collect).then(|| read_collect(d, &maze.layout));
@@ -175,6 +176,10 @@ fn read_dataset(d: &mut Document<'_>, has_collect: bool) -> Dataset {
         Dataset {
             path,
             leave_out: cells.iter().map(|cell| [cell[0], cell[1]]).collect(),
+            fit: match t.word("fit", "refuse", &["refuse", "warn"]).as_str() {
+                "warn" => Misfit::Warn,
+                _ => Misfit::Refuse,
+            },
         }
     })
 }

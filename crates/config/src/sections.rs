@@ -83,6 +83,15 @@ pub struct Collect {
     pub threads: usize,
 }
 
+/// What becomes of data that do not fit the run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Misfit {
+    /// They are refused.
+    Refuse,
+    /// They are taken, with a word about it.
+    Warn,
+}
+
 /// `[dataset]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
@@ -90,6 +99,9 @@ pub struct Dataset {
     pub path: String,
     /// Cells `[row, column]` of the maze whose rows are left out, as if nobody had been there.
     pub leave_out: Vec<[usize; 2]>,
+    /// Whether data that do not fit maze and ant are refused: `refuse`, or `warn` to take them as
+    /// they are.
+    pub fit: Misfit,
 }
 
 impl Dataset {

@@ -5,11 +5,13 @@
 
 pub mod d4rl;
 mod error;
+pub mod fit;
 mod format;
 mod hdf5;
 pub mod minari;
 pub mod ogbench;
 mod parallel;
+mod provenance;
 mod replace;
 mod starts;
 mod summary;
@@ -18,14 +20,14 @@ use std::ops::Range;
 use std::path::Path;
 
 pub use error::DatasetError;
+pub use fit::{LoadError, Loaded, load_for};
 pub use format::{Format, open};
+pub use provenance::Made;
 pub use starts::Starts;
 pub use summary::Summary;
 
-/// Width of an observation.
-pub const OBSERVATION: usize = 29;
-/// Width of an action.
-pub const ACTION: usize = 8;
+/// Widths of an observation and of an action: the ant's own.
+pub use maze::{ACTION, OBSERVATION};
 
 /// Episodes, flat. All arrays have a row for each step; rows are counted from 0.
 ///
@@ -151,8 +153,7 @@ impl Dataset {
     /// The z of the torso's up vector in a row: 1 upright, -1 on its back.
     #[must_use]
     pub fn upright(&self, row: usize) -> f32 {
-        let o = self.observation(row);
-        1.0 - 2.0 * (o[4] * o[4] + o[5] * o[5])
+        maze::upright(self.observation(row))
     }
 
     /// Number of the episode that a row belongs to; the number of episodes for a row beyond all.

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use maze::CELL_SIZE;
+
 use crate::Dataset;
 
-/// Side of a maze's cell (m).
-const CELL: f32 = 4.0;
 /// Rows ahead at which [`Dataset::at_rest`] looks: a second.
 const AHEAD: usize = 10;
 /// Way within that second below which the ant rests (m); walking, it makes 1 to 2 m.
@@ -101,7 +101,7 @@ impl Dataset {
             rewarded: share(rewarded),
             at_rest: share(resting),
             bounds,
-            coverage: self.coverage(CELL),
+            coverage: self.coverage(CELL_SIZE),
         }
     }
 }
@@ -123,7 +123,7 @@ impl fmt::Display for Summary {
         writeln!(f, "y             {bottom:.2} to {top:.2} m")?;
         write!(
             f,
-            "coverage      {cells} cells of {CELL} m, at least {least} rows in each"
+            "coverage      {cells} cells of {CELL_SIZE} m, at least {least} rows in each"
         )
     }
 }

@@ -6,6 +6,7 @@
 mod assign;
 mod bytes;
 mod components;
+mod judge;
 pub mod kmeans;
 mod knowledge;
 mod paths;
@@ -13,6 +14,7 @@ mod pool;
 mod states;
 
 pub use bytes::{GraphError, max_bytes};
+pub use judge::Unusable;
 pub use knowledge::Knowledge;
 pub use pool::{EdgeRule, Growth, Pool, Segments};
 pub use states::{StateRule, select};

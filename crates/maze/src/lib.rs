@@ -9,6 +9,7 @@
 mod ant;
 mod egocentric;
 mod layout;
+mod mirror;
 mod route;
 mod task;
 mod world;
@@ -16,6 +17,7 @@ mod world;
 pub use ant::{ANKLE_SIGN, JOINT_OF_ACTUATOR, JOINT_RANGES, LEG_DIRECTIONS, MAX_TORQUE};
 pub use egocentric::{EGOCENTRIC, Egocentric};
 pub use layout::{CELL_SIZE, Cell, Layout, LayoutError, WALL_HEIGHT};
+pub use mirror::{mirrored, mirrored_action};
 pub use route::Route;
 pub use task::{SUCCESS_RADIUS, Style, Task, evaluation_task, random_task};
 pub use world::{AntMaze, Physics, Start, State};

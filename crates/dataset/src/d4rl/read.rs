@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use super::next;
 use crate::hdf5::{Key, Reader, Width};
 use crate::replace::io_error;
 use crate::{ACTION, Dataset, DatasetError, OBSERVATION, episodes};
@@ -14,7 +15,9 @@ const JUMP: f32 = 5.0;
 /// they are there `timeouts` and `infos/goal`. Numbers and bools of any type are taken.
 ///
 /// An episode ends with its row of `timeouts`, and where the torso jumps by more than 5 m: files of
-/// v0 lack `timeouts` or have them out of step with the resets. `terminals` end none.
+/// v0 lack `timeouts` or have them out of step with the resets. So it does where
+/// `next_observations`, which D4RL's `qlearning_dataset` adds, is not the row after. `terminals` end
+/// none.
 ///
 /// # Errors
 /// Anything that is wrong with the file, by key and row.
@@ -55,6 +58,8 @@ pub(crate) fn from_reader(reader: &Reader<'_>) -> Result<Dataset, DatasetError> 
     let [observations, actions, rewards, terminals] =
         reader.values([&observations, &actions, &rewards, &terminals])?;
     let mut last = jumps(&observations);
+    let next = optional("next_observations", n, OBSERVATION).ok().flatten();
+    next::mark(reader, next.as_ref(), &observations, &mut last);
     for (last, timeout) in last.iter_mut().zip(one(timeouts)?.unwrap_or_default()) {
         *last |= timeout > 0.0;
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use hdf5_pure::{DatasetBuilder, Datatype, EnumTypeBuilder, Error, FileBuilder};
 
 use super::{QPOS, QVEL};
-use crate::{ACTION, Dataset, DatasetError, OBSERVATION, replace};
+use crate::{ACTION, Dataset, DatasetError, Made, OBSERVATION, replace};
 
 /// Rows to write; all arrays flat.
 #[derive(Debug, Clone, Copy)]
@@ -70,8 +70,19 @@ const LEVEL: u32 = 1;
 /// # Errors
 /// Arrays of unequal length, and what the system or the format refuses.
 pub fn write_rows(path: &Path, rows: &Rows<'_>) -> Result<(), DatasetError> {
+    write_made(path, rows, None)
+}
+
+/// [`write_rows`], with how they were made as attributes of the file's root.
+///
+/// # Errors
+/// As [`write_rows`].
+pub fn write_made(path: &Path, rows: &Rows<'_>, made: Option<&Made>) -> Result<(), DatasetError> {
     rows.check(path)?;
-    let builder = layout(rows).map_err(|error| failed(path, error))?;
+    let mut builder = layout(rows).map_err(|error| failed(path, error))?;
+    if let Some(made) = made {
+        made.write(&mut builder);
+    }
     replace::file(path, |file| {
         builder.finish_to(file).map_err(|error| failed(path, error))
     })

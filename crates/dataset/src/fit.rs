@@ -1,0 +1,156 @@
+//! Whether data that are whole fit a run: its maze, its ant, its lags.
+//!
+//! What is looked at is what the ant's physics and the maze leave no doubt about: a torso is in no
+//! wall, a quaternion has norm 1, places change as velocities say. Frames of reference of other
+//! public data sets are recognised and converted.
+
+mod columns;
+mod frame;
+mod load;
+mod motion;
+mod places;
+mod sample;
+mod unfit;
+
+use maze::Layout;
+
+use crate::Dataset;
+pub use frame::{Conversion, Frame};
+pub use load::{LoadError, Loaded, load_for};
+pub use unfit::{Number, Share, Unfit};
+
+/// What a run wants of its data.
+#[derive(Debug, Clone)]
+pub struct Expect<'a> {
+    /// The maze's name, for messages.
+    pub maze: &'a str,
+    /// Its map.
+    pub layout: &'a Layout,
+    /// Steps that an episode must be longer than, by the config's keys.
+    pub lags: &'a [(&'static str, usize)],
+    /// Nodes of the graph.
+    pub nodes: usize,
+}
+
+/// What was found.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Fit {
+    /// How the data come into the project's frame.
+    pub conversion: Conversion,
+    /// Rows before a jump of the torso: episodes end there, too.
+    pub cuts: Vec<usize>,
+    /// What is to be said, a sentence each.
+    pub notes: Vec<String>,
+    /// What does not fit, the most telling first.
+    pub faults: Vec<Unfit>,
+}
+
+/// Looks at whether data fit. Sizes grow with the rows but for a few passes over places and
+/// actions: a million rows take a fraction of a second.
+#[must_use]
+pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
+    let mut fit = Fit::default();
+    // Columns in another order make all else meaningless.
+    if let Err(fault) = columns::observations(data) {
+        fit.faults.push(fault);
+    }
+    match places::judge(data, expect.maze, expect.layout) {
+        Ok((frame, notes)) => {
+            fit.conversion.frame = frame;
+            fit.notes.extend(notes);
+        }
+        Err(fault) => fit.faults.push(fault),
+    }
+    if let Err(fault) = columns::values(data) {
+        fit.faults.push(fault);
+    }
+    if let Err(fault) = columns::actions(data) {
+        fit.faults.push(fault);
+    }
+    match motion::jumps(data, expect.layout, fit.conversion.frame) {
+        Ok(jumps) => {
+            if let Some(first) = jumps.first() {
+                fit.notes.push(format!(
+                    "the torso jumps by more than {} m in {} steps that end no episode (first after \
+                     row {first}); episodes are cut there",
+                    Number(motion::MOST_STEP),
+                    jumps.len(),
+                ));
+            }
+            fit.cuts = jumps;
+        }
+        Err(fault) => fit.faults.push(fault),
+    }
+    match motion::velocities(data, fit.conversion.frame) {
+        Ok(velocities) => {
+            fit.conversion.places_alone = velocities.places_alone;
+            if velocities.places_alone {
+                fit.notes.push(
+                    "the velocities are those of y downwards: the places alone were converted"
+                        .to_owned(),
+                );
+            }
+            fit.notes.extend(velocities.note);
+        }
+        Err(fault) => fit.faults.push(fault),
+    }
+    fit
+}
+
+impl Fit {
+    /// Data as the run has them: converted, and cut at jumps.
+    #[must_use]
+    pub fn apply(&self, layout: &Layout, mut data: Dataset) -> Dataset {
+        self.conversion.apply(layout, &mut data);
+        if self.cuts.is_empty() {
+            return data;
+        }
+        let mut cuts = self.cuts.iter().copied().peekable();
+        let mut episodes = Vec::with_capacity(data.episodes.len() + self.cuts.len());
+        for episode in data.episodes {
+            let mut start = episode.start;
+            while let Some(row) = cuts.next_if(|row| *row < episode.end) {
+                episodes.push(start..row + 1);
+                start = row + 1;
+            }
+            episodes.push(start..episode.end);
+        }
+        data.episodes = episodes;
+        data
+    }
+}
+
+/// Whether there is anything to learn from: to be asked of data as the run has them.
+///
+/// # Errors
+/// Episodes that are all too short, or an ant that is under way in too few rows.
+pub fn suffices(data: &Dataset, expect: &Expect<'_>) -> Result<(), Unfit> {
+    let longest = data.episodes.iter().map(ExactSizeIterator::len).max();
+    let longest = longest.unwrap_or(0);
+    if let Some(&(key, lag)) = expect.lags.iter().find(|(_, lag)| longest <= *lag) {
+        let why = if longest <= 1 && data.len() > 1 {
+            " row; do 'timeouts' mark every row as an end?"
+        } else {
+            " rows"
+        };
+        return Err(Unfit::TooShort {
+            key,
+            lag,
+            episodes: data.episodes.len(),
+            longest,
+            why,
+        });
+    }
+    let moving = motion::moving(data, expect.nodes);
+    if moving < expect.nodes {
+        return Err(Unfit::Still {
+            moving,
+            rows: data.len(),
+            nodes: expect.nodes,
+        });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,148 @@
+//! A run's data, as every process of it has them.
+
+use std::path::{Path, PathBuf};
+
+use config::{Config, Latent, Misfit};
+use maze::{CELL_SIZE, Layout, LayoutError};
+
+use super::{Expect, Number, Share, Unfit, check, suffices};
+use crate::{Dataset, DatasetError};
+
+/// Data, and what there is to say of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loaded {
+    /// In the project's frame, episodes cut at jumps, cells left out as the config says.
+    pub data: Dataset,
+    /// A sentence each, with the path.
+    pub notes: Vec<String>,
+}
+
+/// Why a run has no data.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The file.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// The maze.
+    #[error("maze: {0}")]
+    Layout(#[from] LayoutError),
+    /// Data that are whole and do not fit.
+    #[error("{path}: {unfit}{waiver}", path = .path.display())]
+    Unfit {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        unfit: Box<Unfit>,
+        /// How to go on regardless, as a remark.
+        waiver: &'static str,
+    },
+}
+
+/// Reads the data set of a config and has it checked, converted and cut: the same data for every
+/// process that asks.
+///
+/// # Errors
+/// A file that cannot be read, and data that do not fit the run; with `dataset.fit = "warn"` only
+/// those that nothing can be learnt from.
+pub fn load_for(config: &Config) -> Result<Loaded, LoadError> {
+    let path = Path::new(&config.dataset.path);
+    let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
+    prepare(config, path, &layout, Dataset::open(path)?)
+}
+
+fn prepare(
+    config: &Config,
+    path: &Path,
+    layout: &Layout,
+    data: Dataset,
+) -> Result<Loaded, LoadError> {
+    let encoder = &config.encoder;
+    // One that is not trained here wants no pairs.
+    let trained = encoder.kind == Latent::Vae && encoder.from.is_none();
+    let lags = [
+        ("graph.lag", config.graph.lag),
+        ("encoder.lag", if trained { encoder.lag } else { 0 }),
+    ];
+    let expect = Expect {
+        maze: &config.maze.layout,
+        layout,
+        lags: &lags,
+        nodes: config.graph.nodes,
+    };
+    let refuse = |unfit: Unfit| LoadError::Unfit {
+        path: path.to_path_buf(),
+        waiver: if unfit.can_be_waived() {
+            " (dataset.fit = \"warn\" takes them as they are)"
+        } else {
+            ""
+        },
+        unfit: Box::new(unfit),
+    };
+    let mut fit = check(&data, &expect);
+    let mut notes = std::mem::take(&mut fit.notes);
+    match config.dataset.fit {
+        Misfit::Refuse => {
+            if let Some(unfit) = fit.faults.drain(..).next() {
+                return Err(refuse(unfit));
+            }
+        }
+        Misfit::Warn => notes.extend(fit.faults.iter().map(ToString::to_string)),
+    }
+    let whole = fit.apply(layout, data);
+    suffices(&whole, &expect).map_err(refuse)?;
+    let left_out = |place| config.dataset.leaves_out(layout.cell_at(place));
+    let data = if config.dataset.leave_out.is_empty() {
+        whole
+    } else {
+        let data = whole.without(left_out);
+        suffices(&data, &expect).map_err(refuse)?;
+        data
+    };
+    notes.extend(short(&data, &lags));
+    notes.extend(uncovered(&data, layout));
+    let notes = notes
+        .into_iter()
+        .map(|note| format!("{}: {note}", path.display()))
+        .collect();
+    Ok(Loaded { data, notes })
+}
+
+/// A word on rows that are in no episode long enough, where they are many.
+fn short(data: &Dataset, lags: &[(&'static str, usize)]) -> Option<String> {
+    let (key, lag) = lags.iter().max_by_key(|(_, lag)| *lag)?;
+    let short = data.episodes.iter().map(ExactSizeIterator::len);
+    let rows: usize = short.filter(|length| length <= lag).sum();
+    let share = Share::of(rows, data.len());
+    (share.0 > 0.1).then(|| {
+        format!("{share} of the rows are in episodes of no more than {key} = {lag} rows and make no edge")
+    })
+}
+
+/// A word on the start or a goal of the evaluation that the data never come near.
+fn uncovered(data: &Dataset, layout: &Layout) -> Option<String> {
+    let goals = layout.goals().iter().map(|cell| ("goal", *cell));
+    let tasks = layout.tasks().iter();
+    let tasks = tasks.flat_map(|(start, goal)| [("start", *start), ("goal", *goal)]);
+    let own = std::iter::once(("start", layout.start())).chain(goals);
+    let ends: Vec<_> = match layout.tasks() {
+        [] => own.collect(),
+        _ => tasks.collect(),
+    };
+    let nearest = |cell| {
+        let [x, y] = layout.centre(cell);
+        let distance = |[u, v]: [f32; 2]| (x - u).hypot(y - v);
+        let places = (0..data.len()).map(|row| distance(data.place(row)));
+        places.fold(f32::INFINITY, f32::min)
+    };
+    let far = ends.into_iter().find_map(|(end, cell)| {
+        let distance = nearest(cell);
+        (distance > CELL_SIZE / 2.0).then_some((end, cell, distance))
+    });
+    far.map(|(end, (row, column), distance)| {
+        format!(
+            "no row comes nearer than {} m to the {end} of the evaluation in row {row}, column \
+             {column}; episodes there will hardly succeed",
+            Number(distance)
+        )
+    })
+}
