@@ -69,7 +69,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     };
     let ended = attached.then(|| attach::watch(&domain, stop));
     if attached {
-        println!(
+        log::info!(
             "attached to {} as actor {}; Ctrl-C to leave",
             folder.display(),
             claim.actor
@@ -81,7 +81,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     }?;
     if let Some(ended) = ended {
         let sound = if sent.acknowledged { "all" } else { "not all" };
-        println!(
+        log::info!(
             "left after {} transitions, {sound} acknowledged",
             sent.transitions
         );

@@ -206,11 +206,11 @@ impl Builder<'_> {
         }
         let newest = self.states.newest::<Kept>(rounds);
         for damaged in &newest.damaged {
-            eprintln!("graph-builder: {damaged}; going on from the one before");
+            log::warn!("{damaged}; going on from the one before");
         }
         let sound = newest.state.filter(|(_, kept)| kept.pool.is_sound());
         Some(sound.map(|(stamp, kept)| {
-            eprintln!("graph-builder: going on from version {}", stamp.number);
+            log::info!("going on from version {}", stamp.number);
             self.states.forget_after(stamp.number);
             kept
         }))
@@ -296,11 +296,11 @@ impl Builder<'_> {
             round: self.rounds.taken(),
         };
         if let Err(error) = self.states.save(stamp, &kept) {
-            eprintln!("graph-builder: no state was kept, the one before stays: {error}");
+            log::warn!("no state was kept, the one before stays: {error}");
         }
         // Without its file the graph still is what everyone works with.
         if let Err(error) = graph.save(&self.folder.join("graph.bin")) {
-            eprintln!("graph-builder: {error}");
+            log::warn!("{error}");
         }
         if tally.tried > 0 {
             let reached = tally.reached.max(1) as f64;

@@ -46,7 +46,7 @@ pub(crate) fn doctor() -> anyhow::Result<ExitCode> {
     );
     machine(&mut report)?;
     runs(&mut report);
-    print!("{}", report.text);
+    crate::output::text(report.text);
     Ok(ExitCode::from(u8::from(report.bad)))
 }
 

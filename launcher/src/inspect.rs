@@ -9,6 +9,7 @@ use anyhow::{Context, bail, ensure};
 use trace::Trace;
 
 use crate::episode_picture;
+use crate::figure::{figure, listed};
 use crate::floor_plan::floor_plan;
 use crate::story::{self, Story, Subgoal};
 use crate::table::aligned;
@@ -44,9 +45,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             draw(&trace, &story, picture)?;
         }
         if args.json {
-            println!("{}", serde_json::to_string_pretty(&story)?);
+            say!("{}", serde_json::to_string_pretty(&story)?);
         } else {
-            print!("{}", told(&paths[0], &trace, &story));
+            crate::output::text(told(&paths[0], &trace, &story));
         }
         return Ok(code(false, story.cut.is_some()));
     }
@@ -62,9 +63,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         })
         .collect();
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&json(&stories)?)?);
+        say!("{}", serde_json::to_string_pretty(&json(&stories)?)?);
     } else {
-        print!("{}", overview(&stories));
+        crate::output::text(overview(&stories));
     }
     let unread = stories.iter().any(|(_, story)| story.is_err());
     let cut = stories.iter().filter_map(|(_, story)| story.as_ref().ok());
@@ -165,12 +166,16 @@ fn told(path: &Path, trace: &Trace, story: &Story) -> String {
         line(format!("the trace ends before the episode did: {reason}"));
     }
     let place = |[x, y]: [f32; 2]| format!("({x:.1}, {y:.1})");
+    let metres = |value: f32, decimals: usize| figure(f64::from(value), decimals);
+    // A trace without a state tells neither.
+    let way = listed([
+        metres(s.walked, 1).map(|walked| format!("{walked} m walked")),
+        metres(s.nearest, 2).map(|nearest| format!("{nearest} m from the goal at the nearest")),
+    ]);
     line(format!(
-        "from {} towards {}: {:.1} m walked, {:.2} m from the goal at the nearest",
+        "from {} towards {}: {way}",
         place(s.start),
-        place(s.goal),
-        s.walked,
-        s.nearest
+        place(s.goal)
     ));
     line(format!(
         "{} falls, {} steps on the back{}",

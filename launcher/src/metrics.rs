@@ -89,6 +89,11 @@ impl Metrics {
         self.before + self.start.elapsed().as_secs_f64()
     }
 
+    /// Counts so much of the time that passed as none of the run.
+    pub(crate) fn skip(&mut self, passed: Duration) {
+        self.start += passed;
+    }
+
     /// Control steps that earlier launchers of the run counted.
     pub(crate) fn steps_before(&self) -> u64 {
         self.steps_before

@@ -286,7 +286,7 @@ impl Bus {
         limits: Limits,
         host: bool,
     ) -> Result<Self, WireError> {
-        set_log_level_from_env_or(LogLevel::Error);
+        crate::logging::forward();
         let failed = failed(name, "join the run");
         let mut config = Config::default();
         let root = format!("{}/", domain.root().display());

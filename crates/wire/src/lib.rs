@@ -20,6 +20,7 @@ mod choices;
 mod domain;
 mod latest;
 mod ledger;
+mod logging;
 mod records;
 mod reports;
 mod round;

@@ -490,7 +490,7 @@ impl TrajectoryReceiver {
         if self.counts.refused <= NAMED {
             let (reader, actor) = (self.reader.name(), header.actor);
             let (kind, sequence) = (header.kind, header.sequence);
-            eprintln!(
+            log::warn!(
                 "{reader}: refused a message of {steps} steps that says it is number {sequence}, \
                  kind {kind}, of actor {actor}"
             );
