@@ -9,7 +9,6 @@ use anyhow::{Context, bail, ensure};
 use trace::Trace;
 
 use crate::episode_picture;
-use crate::figure::{figure, listed};
 use crate::floor_plan::floor_plan;
 use crate::story::{self, Story, Subgoal};
 use crate::table::aligned;
@@ -166,16 +165,12 @@ fn told(path: &Path, trace: &Trace, story: &Story) -> String {
         line(format!("the trace ends before the episode did: {reason}"));
     }
     let place = |[x, y]: [f32; 2]| format!("({x:.1}, {y:.1})");
-    let metres = |value: f32, decimals: usize| figure(f64::from(value), decimals);
-    // A trace without a state tells neither.
-    let way = listed([
-        metres(s.walked, 1).map(|walked| format!("{walked} m walked")),
-        metres(s.nearest, 2).map(|nearest| format!("{nearest} m from the goal at the nearest")),
-    ]);
     line(format!(
-        "from {} towards {}: {way}",
+        "from {} towards {}: {:.1} m walked, {:.2} m from the goal at the nearest",
         place(s.start),
-        place(s.goal)
+        place(s.goal),
+        s.walked,
+        s.nearest
     ));
     line(format!(
         "{} falls, {} steps on the back{}",
