@@ -363,11 +363,12 @@ impl Builder<'_> {
         if let Some(graph) = self.tries.newest() {
             let Tally { tried, reached, .. } = self.tries.total;
             let share = 100.0 * reached as f64 / tried.max(1) as f64;
-            s.set_text(&format!(
-                "{} nodes, {} edges, {share:.0}% of {tried} tries reached",
-                graph.len(),
-                graph.edges.len(),
-            ));
+            let tries = match tried {
+                0 => String::new(),
+                _ => format!(", {share:.0}% of {tried} tries reached"),
+            };
+            let (nodes, edges) = (graph.len(), graph.edges.len());
+            s.set_text(&format!("{nodes} nodes, {edges} edges{tries}"));
         }
         self.receiver.report(s);
         s.refused += self.weights.refused() + self.directives.refused();

@@ -2,6 +2,7 @@
 
 use dataset::DatasetError;
 use graph::kmeans::KMeansError;
+use nets::FileError;
 
 /// A fault that needs no more words than these.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +33,10 @@ pub(crate) fn is_input(error: &anyhow::Error) -> bool {
             || matches!(
                 cause.downcast_ref::<DatasetError>(),
                 Some(error) if !matches!(error, DatasetError::Io { .. })
+            )
+            || matches!(
+                cause.downcast_ref::<FileError>(),
+                Some(error) if !matches!(error, FileError::Io { .. })
             )
             || matches!(
                 cause.downcast_ref::<KMeansError>(),

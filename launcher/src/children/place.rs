@@ -248,7 +248,8 @@ impl Place {
     fn with_last_words(&self, why: &str) -> String {
         let log = self.log.display();
         match last_words(&self.log, self.log_before) {
-            Some(words) => format!("{why}: {words}\n(its log is {log})"),
+            Some(words) if words.contains('\n') => format!("{why}; its log is {log}:\n{words}"),
+            Some(words) => format!("{why}: {words}; its log is {log}"),
             None => format!("{why}; its log is {log}"),
         }
     }

@@ -254,7 +254,7 @@ mod tests {
             let edge = Edge {
                 to: 1,
                 count: 1,
-                mean_steps: Some(1.0),
+                mean_steps: 1.0,
                 least_steps: 1.0,
                 reachability: 1.0,
                 tried: 0.0,
