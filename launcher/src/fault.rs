@@ -2,7 +2,7 @@
 
 use dataset::DatasetError;
 use graph::kmeans::KMeansError;
-use nets::FileError;
+use nets::file::FileError;
 
 /// A fault that needs no more words than these.
 #[derive(Debug, thiserror::Error)]
