@@ -4,7 +4,7 @@
 //! Each test has a short form, which every change passes, and a long one behind `--ignored`
 //! (`just chaos`), whose figures stand in docs/reliability.md.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are tests too.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are tests too.
 
 use std::path::Path;
 use std::process::Child;

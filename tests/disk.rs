@@ -1,6 +1,6 @@
 //! Disks that are full and folders that cannot be written: a clear error, or the files of before.
 
-#![allow(clippy::unwrap_used)] // Helpers of tests are tests too.
+#![allow(clippy::unwrap_used, clippy::print_stderr)] // Helpers of tests are tests too.
 
 use std::path::Path;
 use std::process::{Command, Stdio};

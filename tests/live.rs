@@ -69,6 +69,7 @@ fn launch(folder: &Path, arguments: &[&str], environment: &[(&str, &str)]) -> Se
         .current_dir(folder)
         .env("TERM", "xterm-256color")
         .env_remove("NO_COLOR")
+        .env_remove("CI")
         .envs(environment.iter().copied())
         .stdin(open())
         .stdout(open())
@@ -273,6 +274,32 @@ fn without_a_terminal_and_with_plain_there_are_lines_alone() {
     let mut session = launch(folder.path(), &[&LONG[..], &["--plain"]].concat(), &[]);
     session.wait_for("lines", |text| text.contains("train | "));
     assert!(!session.is_view() && session.is_for_a_shell());
+    session.press(3);
+    assert_eq!(session.end().0, Some(130));
+}
+
+#[test]
+fn ctrl_z_gives_the_terminal_back_and_fg_draws_the_view_again() {
+    let _one = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = launch(folder.path(), &LONG, &[]);
+    session.wait_for("actors", |text| text.contains("●1"));
+    session.press(26);
+    let back = || !session.is_view() && session.is_for_a_shell();
+    assert!(eventually(Duration::from_secs(10), back));
+    assert!(kill(session.launcher.id(), "-CONT"));
+    session.wait_for("view", |text| text.contains("actor 1"));
+    assert!(session.is_view() && !session.is_for_a_shell());
+    // Stopped without being asked, it cannot give the terminal back; a shell mends that, and clears it.
+    assert!(kill(session.launcher.id(), "-STOP"));
+    session
+        .screen
+        .lock()
+        .unwrap()
+        .process(b"\x1b[?1049l\x1b[2J");
+    assert!(kill(session.launcher.id(), "-CONT"));
+    assert!(eventually(Duration::from_secs(10), || session.is_view()));
+    session.wait_for("view", |text| text.contains("actor 1"));
     session.press(3);
     assert_eq!(session.end().0, Some(130));
 }

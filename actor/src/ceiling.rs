@@ -39,20 +39,31 @@ impl fmt::Display for Ceiling {
             steps,
             maze_falls,
         } = self;
+        // Where none arrived there is no mean.
+        let mean = match *success > 0.0 {
+            true => format!(", in {steps:.0} steps on average"),
+            false => String::new(),
+        };
         writeln!(
             f,
             "open floor, direction turned every 60 steps on average, {episodes} episodes of 1000 \
-             steps: {speed:.2} m/s towards it, {:.1}% fell",
+             steps: {:.2} m/s towards it, {:.1}% fell",
+            rounded(*speed),
             100.0 * falls
         )?;
         write!(
             f,
-            "maze with a perfect planner, {episodes} episodes: {:.1}% reached the goal, in \
-             {steps:.0} steps on average, {:.1}% fell",
+            "maze with a perfect planner, {episodes} episodes: {:.1}% reached the \
+             goal{mean}, {:.1}% fell",
             100.0 * success,
             100.0 * maze_falls
         )
     }
+}
+
+/// To the centimetre a second, and no negative zero.
+fn rounded(speed: f64) -> f64 {
+    (100.0 * speed).round() / 100.0 + 0.0
 }
 
 /// Measures both, on every core.

@@ -70,7 +70,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     let ended = attached.then(|| attach::watch(domain, stop)).transpose();
     let ended = ended.context("starting a thread")?;
     if attached {
-        println!(
+        log::info!(
             "attached to {} as actor {}; Ctrl-C to leave",
             folder.display(),
             claim.actor
@@ -82,7 +82,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     }?;
     if let Some(ended) = ended {
         let sound = if sent.acknowledged { "all" } else { "not all" };
-        println!(
+        log::info!(
             "left after {} transitions, {sound} acknowledged",
             sent.transitions
         );

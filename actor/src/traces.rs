@@ -47,7 +47,7 @@ impl<'a> Traces<'a> {
     ) -> std::io::Result<Self> {
         let settings = &config.traces;
         let wanted = settings.evaluation || settings.training_every > 0;
-        let warn = |told: &str| eprintln!("actor: {told}");
+        let warn = |told: &str| log::warn!("{told}");
         let recorder = wanted.then(|| Recorder::new(warn)).transpose()?;
         Ok(Self {
             config,

@@ -57,7 +57,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
     let loaded = dataset::load_for(&config)?;
     for note in &loaded.notes {
-        eprintln!("graph-builder: {note}");
+        log::info!("{note}");
     }
     let data = loaded.data;
     Builder {
@@ -212,11 +212,11 @@ impl Builder<'_> {
         }
         let newest = self.states.newest::<Kept>(rounds);
         for damaged in &newest.damaged {
-            eprintln!("graph-builder: {damaged}; going on from the one before");
+            log::warn!("{damaged}; going on from the one before");
         }
         let sound = newest.state.filter(|(_, kept)| kept.pool.is_sound());
         Some(sound.map(|(stamp, kept)| {
-            eprintln!("graph-builder: going on from version {}", stamp.number);
+            log::info!("going on from version {}", stamp.number);
             self.states.forget_after(stamp.number);
             kept
         }))
@@ -294,7 +294,7 @@ impl Builder<'_> {
             let Some(before) = self.tries.newest() else {
                 return Err(unusable.into());
             };
-            eprintln!("graph-builder: {unusable}; the version before stays");
+            log::warn!("{unusable}; the version before stays");
             let version = graph.version;
             graph = Graph {
                 version,
@@ -314,11 +314,11 @@ impl Builder<'_> {
             round: self.rounds.taken(),
         };
         if let Err(error) = self.states.save(stamp, &kept) {
-            eprintln!("graph-builder: no state was kept, the one before stays: {error}");
+            log::warn!("no state was kept, the one before stays: {error}");
         }
         // Without its file the graph still is what everyone works with.
         if let Err(error) = graph.save(&self.folder.join("graph.bin")) {
-            eprintln!("graph-builder: {error}");
+            log::warn!("{error}");
         }
         if tally.tried > 0 {
             let reached = tally.reached.max(1) as f64;
@@ -381,11 +381,12 @@ impl Builder<'_> {
         if let Some(graph) = self.tries.newest() {
             let Tally { tried, reached, .. } = self.tries.total;
             let share = 100.0 * reached as f64 / tried.max(1) as f64;
-            s.set_text(&format!(
-                "{} nodes, {} edges, {share:.0}% of {tried} tries reached",
-                graph.len(),
-                graph.edges.len(),
-            ));
+            let tries = match tried {
+                0 => String::new(),
+                _ => format!(", {share:.0}% of {tried} tries reached"),
+            };
+            let (nodes, edges) = (graph.len(), graph.edges.len());
+            s.set_text(&format!("{nodes} nodes, {edges} edges{tries}"));
         }
         self.receiver.report(s);
         s.refused += self.weights.refused() + self.directives.refused();

@@ -10,19 +10,6 @@ use wire::{Limits, Reader};
 
 use crate::allowance;
 
-/// Exit code of a fault in what the user gave. No restart mends one.
-pub(crate) const GIVEN: i32 = 2;
-
-/// Whether an error is of what the user gave: config or data.
-pub(crate) fn is_given(error: &anyhow::Error) -> bool {
-    error.is::<config::Faults>()
-        || error.is::<LoadError>()
-        || error.is::<OtherMaze>()
-        || error.is::<graph::Unusable>()
-        || error.is::<graph::kmeans::KMeansError>()
-        || error.is::<learner::Diverged>()
-}
-
 /// A data set of another maze than the config's.
 #[derive(Debug, thiserror::Error)]
 #[error(
@@ -53,16 +40,16 @@ pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
             };
             match config.dataset.fit {
                 Misfit::Refuse => return Err(other.into()),
-                Misfit::Warn => println!("note: {other}"),
+                Misfit::Warn => say!("note: {other}"),
             }
         } else if let Some(wanted) = actor::collect::made(config)? {
             for change in changes(&made, &wanted) {
-                println!("note: {}: {change}", config.dataset.path);
+                say!("note: {}: {change}", config.dataset.path);
             }
         }
     }
     for note in ::dataset::load_for(config)?.notes {
-        println!("note: {note}");
+        say!("note: {note}");
     }
     Ok(())
 }

@@ -42,14 +42,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let metric = run.metric(&args.metric)?;
         if metric.left_out > 0 {
             let (folder, count) = (run.folder.display(), metric.left_out);
-            eprintln!("formica: {folder}: {count} values that are no number to draw are left out");
+            log::warn!("{folder}: {count} values that are no number to draw are left out");
         }
     }
     let groups = grouped(runs);
     let picture = chart(&groups, &args.metric).svg(Shape::Wide);
     folder::write(&args.out, picture.as_bytes())?;
-    print!("{}", table(&groups));
-    println!("the picture is {}", args.out.display());
+    crate::output::text(table(&groups));
+    say!("the picture is {}", args.out.display());
     Ok(ExitCode::SUCCESS)
 }
 

@@ -78,9 +78,9 @@ pub(crate) fn run(action: &Action) -> anyhow::Result<ExitCode> {
 fn info(file: &Path, maze: Option<&str>) -> anyhow::Result<()> {
     let layout = maze.map(Layout::named).transpose().map_err(refused)?;
     let (format, data) = ::dataset::open(file).map_err(refused)?;
-    println!("format        {format}");
-    println!("{}", data.summary());
-    print!("\n{}", picture(&data, layout.as_ref()));
+    say!("format        {format}");
+    say!("{}", data.summary());
+    crate::output::text(format!("\n{}", picture(&data, layout.as_ref())));
     Ok(())
 }
 
@@ -103,7 +103,7 @@ fn convert(input: &Path, output: &Path, to: Target, val_share: f64) -> anyhow::R
         to.format().write(path, data)?;
         let (rows, episodes) = (data.len(), data.episodes.len());
         let (path, to) = (path.display(), to.format());
-        println!("{path}: {rows} rows in {episodes} episodes, {to} from {format}");
+        say!("{path}: {rows} rows in {episodes} episodes, {to} from {format}");
         Ok(())
     };
     if kept == total {

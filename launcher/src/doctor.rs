@@ -67,7 +67,7 @@ pub(crate) fn doctor(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     runs(&mut report);
-    print!("{}", report.text);
+    crate::output::text(report.text);
     Ok(ExitCode::from(u8::from(report.bad)))
 }
 

@@ -44,9 +44,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             draw(&trace, &story, picture)?;
         }
         if args.json {
-            println!("{}", serde_json::to_string_pretty(&story)?);
+            say!("{}", serde_json::to_string_pretty(&story)?);
         } else {
-            print!("{}", told(&paths[0], &trace, &story));
+            crate::output::text(told(&paths[0], &trace, &story));
         }
         return Ok(code(false, story.cut.is_some()));
     }
@@ -62,9 +62,9 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         })
         .collect();
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&json(&stories)?)?);
+        say!("{}", serde_json::to_string_pretty(&json(&stories)?)?);
     } else {
-        print!("{}", overview(&stories));
+        crate::output::text(overview(&stories));
     }
     let unread = stories.iter().any(|(_, story)| story.is_err());
     let cut = stories.iter().filter_map(|(_, story)| story.as_ref().ok());

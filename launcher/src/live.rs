@@ -112,6 +112,12 @@ impl Live {
         }
     }
 
+    /// Gives the terminal back and stops this process, until it is continued.
+    #[allow(clippy::unused_self)] // There is one terminal.
+    pub(crate) fn stop(&self) {
+        terminal::stop();
+    }
+
     /// Takes the view down; all that was said.
     pub(crate) fn close(self) -> impl Iterator<Item = String> {
         drop(self.painter);

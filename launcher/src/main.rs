@@ -1,7 +1,9 @@
 //! `formica`: launches a run and supervises its processes; the roles themselves are subcommands.
 //!
-//! Exit codes: 0 fine, 1 failed, 2 a fault in what the user gave, 3 done but with a trace that is
-//! cut off, 130 ended by Ctrl-C.
+//! Exit codes: see [`EXIT_CODES`].
+
+#[macro_use]
+mod output;
 
 mod accounts;
 mod allowance;
@@ -9,10 +11,13 @@ mod axis;
 mod chart;
 mod check;
 mod children;
+mod clock;
 mod curves;
 mod dataset;
 mod doctor;
 mod episode_picture;
+mod fault;
+mod figure;
 mod floor_plan;
 mod folder;
 mod groups;
@@ -39,15 +44,27 @@ mod throughput;
 #[cfg(feature = "live")]
 mod watch;
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+/// Told by `formica --help`.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0    done
+  1    failed; doctor: a run may not start or not last
+  2    a fault in what was given: arguments, config, data
+  3    done, but a trace is cut off (inspect, replay, recover)
+  130  ended by Ctrl-C, SIGTERM or SIGHUP
+
+A signal that was ignored from the start, as by nohup, stays ignored. A reader of the output that is
+gone changes neither work nor exit code; output that cannot be written for another reason, such as a
+full disk, makes 1 of 0, but not of launch and collect.";
+
 /// Offline hierarchical reinforcement learning on a latent graph, as supervised processes.
 #[derive(Parser)]
-#[command(version, about)]
+#[command(name = "formica", version, about, after_long_help = EXIT_CODES)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -148,7 +165,31 @@ fn pair(text: &str) -> Result<(String, String), String> {
 fn main() -> ExitCode {
     // Where it cannot be done, such a file ends the process as it would have.
     let _ = allowance::outlive_small_files();
-    let result = match Cli::parse().command {
+    output::listen(role::launcher().is_some());
+    let code = match Cli::try_parse() {
+        Ok(cli) => run(cli.command).unwrap_or_else(|error| {
+            log::error!("{}", fault::sentence(&error));
+            ExitCode::from(if fault::is_input(&error) { 2 } else { 1 })
+        }),
+        Err(told) => help(&told),
+    };
+    output::end(code)
+}
+
+/// Prints help, the version, or what is wrong with the arguments.
+fn help(told: &clap::Error) -> ExitCode {
+    let printed = told.print();
+    if told.use_stderr() {
+        return ExitCode::from(2);
+    }
+    if let Err(error) = printed {
+        output::fail(&error);
+    }
+    ExitCode::SUCCESS
+}
+
+fn run(command: Command) -> anyhow::Result<ExitCode> {
+    match command {
         Command::Launch {
             config: LaunchArgs { config, over },
             resume,
@@ -167,10 +208,11 @@ fn main() -> ExitCode {
         Command::Check(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
             check::resources(&config)?;
             check::data(&config)?;
-            println!("{}: no fault found", args.config.display());
+            say!("{}: no fault found", args.config.display());
             Ok(ExitCode::SUCCESS)
         }),
         Command::Collect(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
+            output::detach();
             let stopped = role::collect(&config, &interrupts::Interrupts::listen()?)?;
             Ok(stopped.unwrap_or(ExitCode::SUCCESS))
         }),
@@ -191,14 +233,11 @@ fn main() -> ExitCode {
         Command::Recover { trace, out } => recovery::run(&trace, out.as_deref()),
         Command::Report(args) => report::run(&args),
         Command::Doctor(args) => doctor::doctor(&args),
-        Command::Actor(args) => role::run(args.attach.is_none(), |stop| actor::run(&args, stop)),
+        Command::Actor(args) => {
+            output::detach();
+            role::run(args.attach.is_none(), |stop| actor::run(&args, stop))
+        }
         Command::Learner(args) => role::run(true, |stop| learner::run(&args, stop)),
         Command::GraphBuilder(args) => role::run(true, |stop| graph_builder::run(&args, stop)),
-    };
-    result.unwrap_or_else(|error| {
-        // A terminal that is gone is no reason to panic.
-        let _ = writeln!(std::io::stderr(), "formica: {error:#}");
-        let given = error.is::<dataset::Refused>() || check::is_given(&error);
-        ExitCode::from(if given { check::GIVEN as u8 } else { 1 })
-    })
+    }
 }

@@ -5,6 +5,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use anyhow::Context;
 use wire::{Metric, Role};
 
 use crate::recorded::parse_row;
@@ -55,17 +56,7 @@ impl Metrics {
                 }
             }
         }
-        let file = OpenOptions::new()
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(path)?;
-        file.set_len(text.len() as u64)?;
-        let mut csv = BufWriter::new(file);
-        csv.seek(SeekFrom::End(0))?;
-        if text.is_empty() {
-            writeln!(csv, "{METRICS_HEADER}")?;
-        }
+        let csv = begin(&path, &text).with_context(|| format!("opening {}", path.display()))?;
         let mut metrics = Self {
             csv: Some(csv),
             events: None,
@@ -87,6 +78,11 @@ impl Metrics {
     /// Time that the run has taken (s).
     pub(crate) fn seconds(&self) -> f64 {
         self.before + self.start.elapsed().as_secs_f64()
+    }
+
+    /// Counts so much of the time that passed as none of the run.
+    pub(crate) fn skip(&mut self, passed: Duration) {
+        self.start += passed;
     }
 
     /// Control steps that earlier launchers of the run counted.
@@ -171,6 +167,22 @@ impl Metrics {
     pub(crate) fn complaints(&mut self) -> Vec<String> {
         std::mem::take(&mut self.complaints)
     }
+}
+
+/// Opens `metrics.csv` to go on behind `text`, which is all of it that is whole.
+fn begin(path: &Path, text: &str) -> io::Result<BufWriter<File>> {
+    let file = OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(path)?;
+    file.set_len(text.len() as u64)?;
+    let mut csv = BufWriter::new(file);
+    csv.seek(SeekFrom::End(0))?;
+    if text.is_empty() {
+        writeln!(csv, "{METRICS_HEADER}")?;
+    }
+    Ok(csv)
 }
 
 #[cfg(test)]

@@ -1,13 +1,15 @@
 //! What the user sees of a run while it goes on: the live view in a terminal, lines elsewhere.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::time::{Duration, Instant};
 
 use wire::{Phase, Role, State, Status};
 
 use crate::children::Place;
+use crate::figure::figure;
+use crate::interrupts::Stops;
 use crate::live::Live;
+use crate::output;
 use crate::stages::Newest;
 use crate::throughput::Throughput;
 
@@ -37,8 +39,6 @@ pub(crate) struct Progress {
     live: Option<Live>,
     shown: Option<Instant>,
     last: String,
-    /// Nobody is there to read it.
-    silent: bool,
 }
 
 impl Progress {
@@ -48,7 +48,6 @@ impl Progress {
             live,
             shown: None,
             last: String::new(),
-            silent: false,
         }
     }
 
@@ -86,7 +85,7 @@ impl Progress {
         self.shown = Some(Instant::now());
         let line = line(scene);
         if line != self.last {
-            self.print(&line);
+            say!("{line}");
         }
         self.last = line;
     }
@@ -95,16 +94,26 @@ impl Progress {
     pub(crate) fn say(&mut self, text: &str) {
         match &mut self.live {
             Some(live) => live.say(text),
-            None => self.print(text),
+            None => say!("{text}"),
         }
     }
 
     /// Says that something went wrong that does not end the run.
     pub(crate) fn warn(&mut self, text: &str) {
-        let text = format!("formica: {text}");
         match &mut self.live {
-            Some(live) => live.say(&text),
-            None => drop(writeln!(std::io::stderr(), "{text}")),
+            Some(live) => live.say(&format!("formica: {text}")),
+            None => log::warn!("{text}"),
+        }
+    }
+
+    /// Stops this process, the terminal as a shell wants it; returns when it is continued.
+    pub(crate) fn stop(&self) {
+        match &self.live {
+            Some(live) => live.stop(),
+            None => {
+                output::flush();
+                Stops::stop();
+            }
         }
     }
 
@@ -112,15 +121,9 @@ impl Progress {
     pub(crate) fn close(&mut self) {
         if let Some(live) = self.live.take() {
             for line in live.close() {
-                self.print(&line);
+                say!("{line}");
             }
         }
-    }
-
-    /// A reader that is gone is no reason to end the run.
-    fn print(&mut self, text: &str) {
-        let mut out = std::io::stdout().lock();
-        self.silent = self.silent || writeln!(out, "{text}").and_then(|()| out.flush()).is_err();
     }
 }
 
@@ -143,7 +146,8 @@ fn line(scene: &Scene) -> String {
             let share = match status.progress {
                 // The text tells more.
                 [done, total] if total > 0 && !text.contains('%') => {
-                    format!(" {:.0}%", 100.0 * done as f64 / total as f64)
+                    let share = done as f64 / total as f64;
+                    format!(" {:.0}%", 100.0 * share.min(1.0))
                 }
                 _ => String::new(),
             };
@@ -151,9 +155,14 @@ fn line(scene: &Scene) -> String {
         }
     }
     let rate = scene.throughput.of_all(Instant::now());
-    parts.push(format!("{actors} actors at {rate:.0} steps/s"));
-    if let Some(lag) = scene.newest.get("rollout/policy_lag") {
-        parts.push(format!("policy lag {lag:.0}"));
+    parts.push(match figure(rate, 0) {
+        Some(rate) if rate != "0" => format!("{actors} actors at {rate} steps/s"),
+        // None is known.
+        _ => format!("{actors} actors"),
+    });
+    let lag = scene.newest.get("rollout/policy_lag");
+    if let Some(lag) = lag.and_then(|lag| figure(*lag, 0)) {
+        parts.push(format!("policy lag {lag}"));
     }
     if let Some((successes, done)) = scene.score {
         parts.push(format!("{successes} of {done} episodes reached the goal"));

@@ -17,7 +17,7 @@ pub(crate) fn run(from: &Path, to: Option<&Path>) -> anyhow::Result<ExitCode> {
         to.display()
     );
     let recovered = trace::recover(from, &to)?;
-    println!(
+    say!(
         "{}: {} steps{}",
         to.display(),
         recovered.steps,
@@ -29,7 +29,7 @@ pub(crate) fn run(from: &Path, to: Option<&Path>) -> anyhow::Result<ExitCode> {
     );
     match recovered.cut {
         Some(reason) => {
-            eprintln!("formica: {} is cut off: {reason}", from.display());
+            log::warn!("{} is cut off: {reason}", from.display());
             Ok(ExitCode::from(3))
         }
         None => Ok(ExitCode::SUCCESS),
@@ -68,7 +68,7 @@ pub(crate) fn sweep(run: &Path, actors: usize) -> usize {
                 match trace::recover(&part, &beside(&part)) {
                     Ok(_) => recovered += 1,
                     // A process that was killed as it began leaves nothing to recover.
-                    Err(error) => eprintln!("formica: nothing to recover of a trace: {error}"),
+                    Err(error) => log::warn!("nothing to recover of a trace: {error}"),
                 }
             }
             let _ = std::fs::remove_file(&part);

@@ -22,16 +22,16 @@ enum Found {
 pub(crate) fn run(path: &Path) -> anyhow::Result<ExitCode> {
     let trace = trace::read(path)?;
     if let Some(reason) = &trace.cut {
-        println!("the trace is cut off: {reason}");
+        say!("the trace is cut off: {reason}");
     }
     let version = &trace.meta.version;
     if version != env!("CARGO_PKG_VERSION") {
-        println!("the trace is of formica {version}, whose physics may differ");
+        say!("the trace is of formica {version}, whose physics may differ");
     }
     let found = replay(&trace).with_context(|| path.display().to_string())?;
     match found {
         Found::Same(states) => {
-            println!(
+            say!(
                 "{states} states after {} actions are the same bit for bit",
                 trace.steps.len()
             );
@@ -39,11 +39,11 @@ pub(crate) fn run(path: &Path) -> anyhow::Result<ExitCode> {
         }
         Found::Differs(step, values) => {
             let all = values.len();
-            println!("step {step} is the first that differs, in {all} of {OBSERVATION} values:");
+            say!("step {step} is the first that differs, in {all} of {OBSERVATION} values:");
             for (index, recorded, now) in values {
-                println!("  observation[{index}] {recorded:?} in the trace, {now:?} now");
+                say!("  observation[{index}] {recorded:?} in the trace, {now:?} now");
             }
-            println!(
+            say!(
                 "it was recorded by another version of the physics, or on a processor of another \
                  kind"
             );

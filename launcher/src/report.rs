@@ -58,6 +58,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let title = format!("{} · formica report", scores::title(&groups));
     let page = page::page(&title, &scores::head(&groups)?, &sections);
     folder::write(&out, page.as_bytes())?;
-    println!("the report is {}", out.display());
+    say!("the report is {}", out.display());
     Ok(ExitCode::SUCCESS)
 }

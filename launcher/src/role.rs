@@ -9,13 +9,21 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use config::Config;
 use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
+use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::interrupts::Interrupts;
+use crate::interrupts::{self, Interrupts};
+use crate::output;
 
 /// Set for children by the launcher: its process id.
 pub(crate) const LAUNCHER: &str = "FORMICA_LAUNCHER";
 /// From the wish to stop to the end of a process that does not heed it.
 const GRACE: Duration = Duration::from_secs(3);
+
+/// The process that this one was started by, where that is a launcher.
+pub(crate) fn launcher() -> Option<Pid> {
+    let pid = std::env::var(LAUNCHER).ok()?;
+    Pid::from_raw(pid.parse().ok()?)
+}
 
 /// Runs a role; `stop` is set by SIGINT, SIGTERM and the launcher's death. One that was not
 /// `launched` has no launcher, whatever its environment says.
@@ -24,11 +32,17 @@ pub(crate) fn run(
     work: impl FnOnce(&Arc<AtomicBool>) -> anyhow::Result<()>,
 ) -> anyhow::Result<ExitCode> {
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    let launcher = launched.then(launcher).flatten();
+    let signals = match launcher {
+        // Its launcher speaks by them.
+        Some(_) => vec![SIGINT, SIGTERM],
+        None => interrupts::heeded(&[SIGINT, SIGTERM]),
+    };
+    for signal in signals {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
-    let launcher = launched.then(|| std::env::var(LAUNCHER).ok()).flatten();
-    let launcher = launcher.and_then(|pid| Pid::from_raw(pid.parse().ok()?));
+    // Else it is known by the name of the link that it was started by.
+    let _ = rustix::thread::set_name(c"formica");
     // The kernel's word comes at once but only from the launcher's own thread; looking is slower
     // and misses nothing, a launcher that was gone before this line included.
     let _ = set_parent_process_death_signal(launcher.map(|_| Signal::TERM));
@@ -41,7 +55,8 @@ pub(crate) fn run(
             }
             let asked = watched.load(Ordering::Relaxed);
             if asked && stopping.get_or_insert_with(Instant::now).elapsed() > GRACE {
-                eprintln!("formica: did not end within {GRACE:?} of being asked to");
+                log::error!("did not end within {GRACE:?} of being asked to");
+                output::flush();
                 std::process::exit(1);
             }
             std::thread::sleep(Duration::from_millis(250));
@@ -63,14 +78,14 @@ pub(crate) fn collect(
     let collected = actor::collect::collect(config, &stopped, |done, total| {
         if last.elapsed() > Duration::from_secs(2) {
             last = Instant::now();
-            println!("collect: {done} of {total} transitions");
+            say!("collect: {done} of {total} transitions");
         }
     })?;
     let Some(collected) = collected else {
-        println!("collect: stopped; no data set was written");
+        say!("collect: stopped; no data set was written");
         return Ok(Some(ExitCode::from(Interrupts::EXIT)));
     };
-    println!(
+    say!(
         "collect: {collected} in {:.0} s",
         start.elapsed().as_secs_f64()
     );
@@ -84,6 +99,6 @@ pub(crate) fn ceiling(
     walker: Option<&Path>,
 ) -> anyhow::Result<()> {
     let result = actor::ceiling::measure(config, episodes, walker)?;
-    println!("{result}");
+    say!("{result}");
     Ok(())
 }

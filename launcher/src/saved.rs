@@ -70,8 +70,8 @@ impl Saver {
         match serde_json::from_slice(&bytes) {
             Ok(saved) => Some(saved),
             Err(error) => {
-                eprintln!(
-                    "formica: {} is damaged ({error}); times and results begin anew",
+                log::warn!(
+                    "{} is damaged ({error}); times and results begin anew",
                     self.path.display()
                 );
                 None

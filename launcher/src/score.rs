@@ -6,6 +6,7 @@ use anyhow::Context;
 use config::Config;
 use wire::EpisodeResult;
 
+use crate::figure::figure;
 use crate::folder;
 
 /// Writes `episodes.csv` and `score.json`; a line that says how it went.
@@ -21,6 +22,7 @@ pub(crate) fn write(
     let score = 100.0 * f64::from(successes) / n;
     let arrived = results.iter().filter(|result| result.success == 1);
     let steps: u32 = arrived.map(|result| result.steps).sum();
+    let mean = (successes > 0).then(|| f64::from(steps) / f64::from(successes));
     let mut csv = String::from("episode,success,steps,fell,nearest_m,edges,reached\n");
     for r in results {
         let [edges, reached] = r.edges;
@@ -35,7 +37,7 @@ pub(crate) fn write(
         "episodes": results.len(),
         "successes": successes,
         "fallen": falls,
-        "mean_steps_of_successes": f64::from(steps) / f64::from(successes.max(1)),
+        "mean_steps_of_successes": mean,
         "maze": config.maze.layout,
         "seed": config.run.seed,
         "config": config.hash(),
@@ -43,10 +45,33 @@ pub(crate) fn write(
     });
     let text = serde_json::to_string_pretty(&json).context("writing the score")?;
     folder::write(&folder.join("score.json"), text.as_bytes())?;
-    let mean = f64::from(steps) / f64::from(successes.max(1));
-    Ok(format!(
-        "normalized score {score:.1}: {successes} of {} episodes reached the goal, in {mean:.0} \
-         steps on average; {falls} ended on the back",
-        results.len()
-    ))
+    Ok(told(results.len(), successes, mean, falls))
+}
+
+/// The score in words.
+fn told(episodes: usize, successes: u32, mean_steps: Option<f64>, falls: u32) -> String {
+    let score = 100.0 * f64::from(successes) / episodes.max(1) as f64;
+    let mean = mean_steps.and_then(|steps| figure(steps, 0));
+    let mean = mean.map_or(String::new(), |mean| {
+        format!(", in {mean} steps on average")
+    });
+    format!(
+        "normalized score {score:.1}: {successes} of {episodes} episodes reached the goal{mean}; \
+         {falls} ended on the back"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_is_no_average_of_nothing() {
+        let none = "normalized score 0.0: 0 of 4 episodes reached the goal; 3 ended on the back";
+        assert_eq!(told(4, 0, None, 3), none);
+        let half = "normalized score 50.0: 2 of 4 episodes reached the goal, in 120 steps on \
+                    average; 1 ended on the back";
+        assert_eq!(told(4, 2, Some(120.0), 1), half);
+        assert!(told(0, 0, None, 0).contains("0 of 0 episodes"));
+    }
 }

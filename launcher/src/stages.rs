@@ -1,12 +1,19 @@
 //! What each stage is worth and what it took, at the end of a run: so that a low score can be
 //! traced to its cause.
 
+mod told;
+
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::time::Duration;
 
 use config::{Config, Controller, Latent, Planner};
+use maze::CELL_SIZE;
 use serde::{Deserialize, Serialize};
+
+pub(crate) use told::stages;
+
+use crate::figure::figure;
 
 /// Wall-clock time of a run's parts.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -89,106 +96,38 @@ pub(crate) fn table(config: &Config, newest: &Newest, times: &Times) -> String {
     text.trim_end().to_owned()
 }
 
-/// Every stage, and all of them together.
-pub(crate) fn stages(choices: &Choices, newest: &Newest, times: &Times) -> Vec<Stage> {
-    let get = |name: &str| newest.get(name).copied().unwrap_or(f64::NAN);
-    let percent = |name: &str| 100.0 * get(name);
-    let mut stages = vec![];
-    let mut line = |name: &'static str, seconds: f64, told: String| {
-        let seconds = Some(seconds).filter(|seconds| seconds.is_finite());
-        // What was not measured is no number.
-        let told = told.replace("NaN", "-");
-        stages.push(Stage {
-            name,
-            seconds,
-            told,
-        });
-    };
-    line(
-        "data",
-        times.collect.as_secs_f64(),
-        format!(
-            "{} rows in {} episodes, {:.1}% of which go from the start's cell to the goal's",
-            get("data/rows"),
-            get("data/episodes"),
-            percent("data/start_to_goal"),
+/// What each stage is worth, from 0 to 1, as far as it was measured.
+fn qualities(newest: &Newest) -> Vec<(&'static str, f64)> {
+    let get = |name: &str| newest.get(name).copied();
+    let walls = get("graph/edges_through_walls")
+        .zip(get("graph/edges").filter(|edges| *edges > 0.0))
+        .map(|(walls, edges)| 1.0 - walls / edges);
+    let graph = [get("graph/connected_share"), get("graph/coverage"), walls];
+    [
+        // An error of a cell's size tells nothing of the place.
+        (
+            "encoder",
+            get("encoder/place_error_m").map(|error| 1.0 - error / f64::from(CELL_SIZE)),
         ),
-    );
-    let encoder = match choices.latent {
-        Latent::Place => "latents are the places".to_owned(),
-        Latent::Vae if choices.encoder_from => "of another run".to_owned(),
-        Latent::Vae => format!(
-            "places come back within {:.2} m, reconstruction {:.4}, KL {:.2} nats",
-            get("encoder/place_error_m"),
-            get("encoder/reconstruction"),
-            get("encoder/kl_nats"),
-        ),
-    };
-    line("encoder", get("time/encoder_s"), encoder);
-    line(
-        "graph",
-        get("time/graph_s"),
-        format!(
-            "{} nodes ({:.0}% of all, connected), {} edges, {} through walls, {:.0}% of free \
-             cells covered, {:.1}% of tries reached",
-            get("graph/nodes"),
-            percent("graph/connected_share"),
-            get("graph/edges"),
-            get("graph/edges_through_walls"),
-            percent("graph/coverage"),
-            percent("graph/edge_success"),
-        ),
-    );
-    let low = match choices.controller {
-        Controller::Walker => "the walker walks; ".to_owned(),
-        Controller::Learned if choices.low_from => "of another run; ".to_owned(),
-        Controller::Learned => format!(
-            "policy loss {:.3}, mean weight {:.2}; ",
-            get("low/policy_loss"),
-            get("low/mean_weight")
-        ),
-    };
-    let over = get("low/steps_over_best");
-    let reached = percent("graph/edge_success");
-    line(
-        "low",
-        get("time/low_s"),
-        format!(
-            "{low}{reached:.1}% of neighbours reached, in {over:.2} times the data's best time"
-        ),
-    );
-    let high = match choices.planner {
-        Planner::Search => "a search plans".to_owned(),
-        Planner::Learned => format!(
-            "return {:.3}, entropy {:.2} nats, clip fraction {:.3}, KL {:.4}; greedy paths \
-             arrive in {:.1}%, {:.2} times the cheapest cost",
-            get("high/return"),
-            get("high/entropy_nats"),
-            get("high/clip_fraction"),
-            get("high/kl"),
-            percent("high/greedy_arrived"),
-            get("high/path_over_cheapest"),
-        ),
-    };
-    line("high", get("time/high_s"), high);
-    let Times {
-        train,
-        rollouts,
-        evaluate,
-        collect,
-    } = times;
-    let all = *collect + *train + *rollouts + *evaluate;
-    line(
-        "time",
-        all.as_secs_f64(),
-        format!(
-            "{:.0} s until trained, {:.0} s of rollouts, {:.0} s of evaluation",
-            train.as_secs_f64(),
-            rollouts.as_secs_f64(),
-            evaluate.as_secs_f64()
-        ),
-    );
-    stages
+        ("graph", graph.into_iter().flatten().reduce(f64::min)),
+        ("low", get("graph/edge_success")),
+        ("high", get("high/greedy_arrived")),
+    ]
+    .into_iter()
+    .filter_map(|(stage, quality)| Some((stage, quality?.clamp(0.0, 1.0))))
+    .filter(|(_, quality)| !quality.is_nan())
+    .collect()
+}
+
+/// The stage that holds a run back the most, in a line; none where nothing was measured, or
+/// nothing is amiss.
+pub(crate) fn weakest(newest: &Newest) -> Option<String> {
+    let qualities = qualities(newest);
+    let (stage, quality) = qualities.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let percent = figure(100.0 * quality, 0).filter(|_| *quality < 0.995)?;
+    Some(format!(
+        "the weakest stage is {stage}, at {percent}% of what it could be worth; stages.json has all"
+    ))
 }
 
 /// The same for programs.
@@ -200,6 +139,65 @@ pub(crate) fn json(newest: &Newest, times: &Times) -> serde_json::Value {
             "rollouts": times.rollouts.as_secs_f64(),
             "evaluate": times.evaluate.as_secs_f64(),
         },
+        "quality": qualities(newest).into_iter().collect::<BTreeMap<_, _>>(),
         "metrics": newest,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_weakest_stage_is_named_with_what_it_is_worth() {
+        let mut newest = Newest::new();
+        assert_eq!(weakest(&newest), None, "nothing was measured");
+        newest.insert("graph/coverage".to_owned(), 1.0);
+        assert_eq!(weakest(&newest), None, "nothing is amiss");
+        newest.insert("encoder/place_error_m".to_owned(), 400.0);
+        newest.insert("graph/edge_success".to_owned(), 0.337);
+        newest.insert("high/greedy_arrived".to_owned(), f64::NAN);
+        let told = weakest(&newest).unwrap();
+        assert!(
+            told.starts_with("the weakest stage is encoder, at 0% of"),
+            "{told}"
+        );
+        newest.insert("encoder/place_error_m".to_owned(), 0.1);
+        let told = weakest(&newest).unwrap();
+        assert!(told.contains("stage is low, at 34% of"), "{told}");
+        let quality = &json(&newest, &Times::default())["quality"];
+        assert_eq!(quality["low"], 0.337);
+        assert!(quality.get("high").is_none());
+    }
+
+    #[test]
+    fn what_was_not_measured_is_left_out() {
+        let mut newest = Newest::new();
+        let choices = Choices::recorded(&BTreeMap::new());
+        let told = |newest: &Newest| {
+            let stages = stages(&choices, newest, &Times::default());
+            let lines = stages
+                .iter()
+                .map(|stage| format!("{}: {}\n", stage.name, stage.told));
+            lines.collect::<String>()
+        };
+        let bare = told(&newest);
+        assert!(bare.contains("high: not measured\n"), "{bare}");
+        for (name, value) in [
+            ("high/entropy_nats", 0.5),
+            ("high/kl", -1e-9),
+            ("graph/nodes", 20.0),
+        ] {
+            newest.insert(name.to_owned(), value);
+        }
+        let told = told(&newest);
+        assert!(
+            told.contains("high: entropy 0.50 nats, KL 0.0000\n"),
+            "{told}"
+        );
+        assert!(told.contains("graph: 20 nodes\n"), "{told}");
+        for odd in ["NaN", "inf", " -", ", ,"] {
+            assert!(!told.contains(odd), "{odd} in {told}");
+        }
+    }
 }

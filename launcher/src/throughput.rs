@@ -11,6 +11,9 @@ const WINDOW: Duration = Duration::from_secs(3);
 const EVERY: Duration = Duration::from_secs(2);
 /// A rate that is older is none.
 const STALE: Duration = Duration::from_secs(10);
+/// What comes closer together tells no rate: words that waited while the launcher stood still come
+/// all at once.
+const LEAST: Duration = Duration::from_millis(100);
 
 /// The metric that is written of all actors' control steps.
 pub(crate) const STEPS: &str = "throughput/steps_per_s";
@@ -40,11 +43,25 @@ impl Actor {
         else {
             return 0.0;
         };
-        let seconds = last.duration_since(*first).as_secs_f64();
-        if now.saturating_duration_since(*last) > WINDOW || seconds <= 0.0 {
+        let passed = last.duration_since(*first);
+        if now.saturating_duration_since(*last) > WINDOW || passed < LEAST {
             return 0.0;
         }
-        to.saturating_sub(*from) as f64 / seconds
+        to.saturating_sub(*from) as f64 / passed.as_secs_f64()
+    }
+
+    /// Takes in a count; of those that come at once the newest is kept.
+    fn add(&mut self, now: Instant, steps: u64) {
+        let before = self.samples.len().checked_sub(2);
+        let close = |(at, _): &(Instant, u64)| now.saturating_duration_since(*at) < LEAST;
+        if before.and_then(|i| self.samples.get(i)).is_some_and(close) {
+            self.samples.pop_back();
+        }
+        self.samples.push_back((now, steps));
+        let old = |(at, _): &(Instant, u64)| now.saturating_duration_since(*at) > WINDOW;
+        while self.samples.len() > 2 && self.samples.front().is_some_and(old) {
+            self.samples.pop_front();
+        }
     }
 }
 
@@ -93,10 +110,22 @@ impl Throughput {
             status.steps - last
         };
         self.steps = self.steps.saturating_add(more);
-        actor.samples.push_back((now, status.steps));
-        let old = |(at, _): &(Instant, u64)| now.saturating_duration_since(*at) > WINDOW;
-        while actor.samples.len() > 2 && actor.samples.front().is_some_and(old) {
-            actor.samples.pop_front();
+        actor.add(now, status.steps);
+    }
+
+    /// Counts so much of the time that passed as none: the run stood still.
+    pub(crate) fn skip(&mut self, passed: Duration) {
+        for actor in self.actors.values_mut() {
+            actor.samples.iter_mut().for_each(|(at, _)| *at += passed);
+        }
+        self.written.0 += passed;
+        for stage in &mut self.stages {
+            let counts = [&mut stage.newest, &mut stage.written];
+            counts
+                .into_iter()
+                .flatten()
+                .for_each(|(at, _)| *at += passed);
+            stage.rate.iter_mut().for_each(|(at, _)| *at += passed);
         }
     }
 
@@ -142,9 +171,12 @@ impl Throughput {
             let (Some((then, from)), Some((last, to))) = (stage.written, stage.newest) else {
                 continue;
             };
-            let seconds = last.saturating_duration_since(then).as_secs_f64();
-            if to > from && seconds > 0.0 {
-                let rate = (to - from) as f64 / seconds;
+            let passed = last.saturating_duration_since(then);
+            if to > from && passed < LEAST {
+                continue;
+            }
+            if to > from {
+                let rate = (to - from) as f64 / passed.as_secs_f64();
                 stage.rate = Some((now, rate));
                 rows.push((name, to, rate));
             }
@@ -206,5 +238,48 @@ mod tests {
         // The learner was started again and goes on from an earlier state.
         throughput.note("low/policy_loss", 200, at(4100));
         assert_eq!(throughput.due(at(6000)).len(), 1);
+    }
+
+    #[test]
+    fn what_comes_at_once_after_a_standstill_makes_no_rate_of_its_own() {
+        let start = Instant::now();
+        let at = |us| start + Duration::from_micros(us);
+        let mut throughput = Throughput::new(0, start);
+        for i in 0..=10 {
+            throughput.hear(&status(0, 5, 100 * i), at(200_000 * i));
+            throughput.note("low/policy_loss", 100 * i, at(200_000 * i));
+        }
+        throughput.due(at(2_000_000));
+        // The launcher stood still for 14 s, and reads all that was said meanwhile.
+        for i in 0..100 {
+            throughput.hear(&status(0, 5, 1000 + 70 * i), at(16_000_000 + i));
+            throughput.note("low/policy_loss", 1000 + 70 * i, at(16_000_000 + i));
+        }
+        let rate = throughput.of_actor(0, at(16_000_200));
+        assert!((490.0..=500.0).contains(&rate), "{rate}");
+        let (rate, _) = throughput.of_learner(at(2_000_001)).unwrap();
+        assert_eq!(rate, 500.0);
+        for (name, _, rate) in throughput.due(at(16_000_200)) {
+            assert!((490.0..=500.0).contains(&rate), "{name} {rate}");
+        }
+        // A process that was just started, and speaks twice at once.
+        throughput.hear(&status(0, 6, 0), at(17_000_000));
+        throughput.hear(&status(0, 6, 900), at(17_000_001));
+        assert_eq!(throughput.of_all(at(17_000_002)), 0.0);
+    }
+
+    #[test]
+    fn a_run_that_is_stopped_keeps_its_pace() {
+        let start = Instant::now();
+        let at = |ms| start + Duration::from_millis(ms);
+        let mut throughput = Throughput::new(0, start);
+        for i in 0..=5 {
+            throughput.hear(&status(0, 5, 100 * i), at(200 * i));
+        }
+        throughput.skip(Duration::from_secs(60));
+        throughput.hear(&status(0, 5, 600), at(61_200));
+        assert_eq!(throughput.of_all(at(61_200)), 500.0);
+        assert!(throughput.due(at(61_900)).is_empty());
+        assert_eq!(throughput.due(at(62_000)), [(STEPS, 600, 300.0)]);
     }
 }

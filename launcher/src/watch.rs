@@ -36,16 +36,16 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let interrupts = Interrupts::listen()?;
     let stopped = || interrupts.count() > 0;
     let server = Server::start(args.port).context("listening; give another --port")?;
-    println!(
+    say!(
         "open ws://127.0.0.1:{} in Foxglove or Lichtblick; Ctrl-C ends",
         server.port()
     );
     while !stopped() {
         match newest(&folder.join("traces")) {
             Some(path) => {
-                println!("{}", path.display());
+                say!("{}", path.display());
                 if let Err(error) = server.play(&path, args.speed, &stopped) {
-                    eprintln!("formica: {error}");
+                    log::warn!("{error}");
                     std::thread::sleep(LOOK);
                 }
             }

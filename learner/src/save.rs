@@ -54,10 +54,10 @@ impl Keeper {
         let states = States::new(&folder.join("checkpoints"), name);
         let newest = states.newest(rounds);
         for damaged in &newest.damaged {
-            eprintln!("learner: {damaged}; going on from the one before");
+            log::warn!("{damaged}; going on from the one before");
         }
         let state = newest.state.map(|(stamp, state)| {
-            eprintln!("learner: {name} goes on from {}", stamp.number);
+            log::info!("{name} goes on from {}", stamp.number);
             states.forget_after(stamp.number);
             state
         });
@@ -78,7 +78,7 @@ impl Keeper {
     pub(crate) fn keep(&mut self, number: u64, round: u32, state: &impl Serialize) {
         self.kept = Instant::now();
         if let Err(error) = self.states.save(Stamp { number, round }, state) {
-            eprintln!("learner: no state was kept, the one before stays: {error}");
+            log::warn!("no state was kept, the one before stays: {error}");
         }
     }
 }

@@ -109,7 +109,9 @@ impl Dataset {
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (min, mean, max) = self.lengths;
-        let [[left, bottom], [right, top]] = self.bounds;
+        // To the centimetre, and no negative zero.
+        let rounded = |metres| (100.0 * f64::from(metres)).round() / 100.0 + 0.0;
+        let [[left, bottom], [right, top]] = self.bounds.map(|place| place.map(rounded));
         let least = self.coverage.values().min().copied().unwrap_or(0);
         let cells = self.coverage.len();
         writeln!(f, "rows          {}", self.rows)?;

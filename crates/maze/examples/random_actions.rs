@@ -3,6 +3,8 @@
 //! the extremes. The fastest limb passes its limit by a few degrees: limits are springs, as
 //! MuJoCo's are.
 
+#![allow(clippy::print_stdout)] // A program of its own.
+
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;

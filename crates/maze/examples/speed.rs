@@ -3,6 +3,8 @@
 //! thread, then on two, and prints figures as JSON. `tests/foreign/bench_mujoco.py` lays them
 //! beside MuJoCo's.
 
+#![allow(clippy::print_stdout)] // A program of its own.
+
 use std::time::{Duration, Instant};
 
 use maze::{AntMaze, Layout, Physics};

@@ -4,6 +4,8 @@
 //!
 //! `cargo run --release -p trace --example slowdown`, on a machine that does nothing else.
 
+#![allow(clippy::print_stdout, clippy::print_stderr)] // A program of its own.
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;

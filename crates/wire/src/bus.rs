@@ -145,7 +145,7 @@ impl Bus {
     ) -> Result<Self, WireError> {
         limits.allow()?;
         limits.allow_segments()?;
-        set_log_level_from_env_or(LogLevel::Error);
+        crate::logging::forward();
         let failed = |reason| WireError::Join {
             name: name.to_owned(),
             cause: Cause::of(reason, Some(domain.root())),

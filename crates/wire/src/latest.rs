@@ -93,7 +93,7 @@ fn newest<T: std::fmt::Debug + ZeroCopySend>(
             Err(what) => {
                 *refused += 1;
                 if *refused <= NAMED {
-                    eprintln!("refused at the door: {what}");
+                    log::warn!("refused at the door: {what}");
                 }
             }
         }

@@ -112,7 +112,7 @@ impl Ledger {
     fn put(&mut self, bytes: &[u8], at: u64) {
         let Some(file) = &self.file else { return };
         if let Err(error) = file.write_all_at(bytes, at) {
-            eprintln!("the ledger ends here, a restart will not know of what comes: {error}");
+            log::warn!("the ledger ends here, a restart will not know of what comes: {error}");
             self.file = None;
         }
     }

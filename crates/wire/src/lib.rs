@@ -23,6 +23,7 @@ mod domain;
 mod latest;
 mod ledger;
 mod limits;
+mod logging;
 mod records;
 mod reports;
 mod round;

@@ -119,11 +119,11 @@ impl TrajectorySender {
         };
         // The first hello is repeated until each reader has seen one. The second lies behind all
         // repeats: once it is acknowledged the buffers are empty and the window holds.
-        let start = Instant::now();
+        let mut waited = Duration::ZERO;
         for (greeting, repeat) in [(0, REPEAT), (1, SECOND_REPEAT)] {
             let mut said: Option<Instant> = None;
             while sender.oldest() <= greeting {
-                if start.elapsed() > deadline {
+                if waited > deadline {
                     let reader = sender.silent(greeting).map_or("a reader", Reader::name);
                     let seconds = deadline.as_secs_f64();
                     return Err(WireError::NoAnswer {
@@ -138,7 +138,10 @@ impl TrajectorySender {
                     sender.publish(Kind::Hello, header, 0, |_| Transition::default())?;
                     said = Some(Instant::now());
                 }
+                let before = Instant::now();
                 sender.wait(REPEAT);
+                // A process that was stopped meanwhile did not wait.
+                waited += before.elapsed().min(SECOND_REPEAT);
             }
         }
         sender.next = 2;
@@ -486,7 +489,7 @@ impl TrajectoryReceiver {
         if self.counts.refused <= NAMED {
             let (reader, actor) = (self.reader.name(), header.actor);
             let (kind, sequence) = (header.kind, header.sequence);
-            eprintln!(
+            log::warn!(
                 "{reader}: refused a message of {steps} steps that says it is number {sequence}, \
                  kind {kind}, of actor {actor}"
             );

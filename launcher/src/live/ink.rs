@@ -5,6 +5,7 @@ use std::time::Duration;
 use ratatui::style::{Color, Modifier, Style};
 
 use super::view::Health;
+use crate::figure::figure;
 use wire::State;
 
 /// Ants are told apart by these.
@@ -113,10 +114,12 @@ impl Ink {
 
 /// A number with commas between thousands, and so many decimals.
 pub(crate) fn number(value: f64, decimals: usize) -> String {
-    if !value.is_finite() || value.abs() >= 1e12 {
+    if value.is_finite() && value.abs() >= 1e12 {
         return format!("{value:.2e}");
     }
-    let text = format!("{value:.decimals$}");
+    let Some(text) = figure(value, decimals) else {
+        return "-".to_owned();
+    };
     let end = text.find('.').unwrap_or(text.len());
     let begin = usize::from(text.starts_with('-'));
     let mut out = String::with_capacity(text.len() + 4);
@@ -177,7 +180,8 @@ mod tests {
         assert_eq!(number(1_234_567.8, 0), "1,234,568");
         assert_eq!(number(-1234.5, 1), "-1,234.5");
         assert_eq!(number(-123.456, 2), "-123.46");
-        assert_eq!(number(f64::NAN, 2), "NaN");
+        assert_eq!(number(f64::NAN, 2), "-");
+        assert_eq!(number(-0.001, 2), "0.00");
         assert_eq!(number(-2e300, 2), "-2.00e300");
         assert_eq!(clock(Duration::from_secs(3723)), "1:02:03");
         assert_eq!(sparkline(&[9.0, 0.0, 7.0, f64::NAN, 3.0], 4), "▁█▁▄");

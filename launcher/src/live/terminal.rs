@@ -15,9 +15,11 @@ use rustix::termios::{
     InputModes, LocalModes, OptionalActions, QueueSelector, SpecialCodeIndex, Termios, tcflush,
     tcgetattr, tcgetpgrp, tcgetwinsize, tcsetattr,
 };
-use signal_hook::consts::{SIGINT, SIGQUIT, SIGTSTP};
+use signal_hook::consts::{SIGCONT, SIGINT, SIGQUIT};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level;
+
+use crate::interrupts::{Stops, heeded};
 
 /// Another screen, and no cursor.
 const ENTER: &[u8] = b"\x1b[?1049h\x1b[?25l";
@@ -30,8 +32,10 @@ const STUCK: Duration = Duration::from_millis(300);
 static SAVED: Mutex<Option<Saved>> = Mutex::new(None);
 /// Held while something is written.
 static WRITING: Mutex<()> = Mutex::new(());
-/// Ctrl-Z is about to stop the process, or has.
+/// Ctrl-Z or Ctrl-\ is about to stop or end the process.
 static SUSPENDED: AtomicBool = AtomicBool::new(false);
+/// The process was continued: others may have had the terminal meanwhile.
+static CONTINUED: AtomicBool = AtomicBool::new(false);
 /// The view does not come up any more.
 static CLOSED: AtomicBool = AtomicBool::new(false);
 
@@ -44,8 +48,10 @@ struct Saved {
 /// Whether there is a terminal for a view.
 pub(crate) fn is_fit() -> bool {
     let dumb = std::env::var_os("TERM").is_none_or(|term| term.is_empty() || term == "dumb");
+    // What a build server shows is a log, though it may say that it is a terminal.
+    let server = std::env::var_os("CI").is_some_and(|word| !word.is_empty() && word != "false");
     let terminal = io::stdin().is_terminal() && io::stdout().is_terminal();
-    !dumb && terminal && is_foreground()
+    !dumb && !server && terminal && is_foreground()
 }
 
 /// Whether colours are welcome (<https://no-color.org>).
@@ -63,7 +69,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Has panics, Ctrl-Z and Ctrl-\ give the terminal back first.
+/// Has panics and Ctrl-\ give the terminal back first.
 pub(crate) fn guard() -> io::Result<()> {
     static ONCE: Once = Once::new();
     let mut result = Ok(());
@@ -79,17 +85,27 @@ pub(crate) fn guard() -> io::Result<()> {
 }
 
 fn listen() -> io::Result<()> {
-    let mut signals = Signals::new([SIGTSTP, SIGQUIT])?;
+    let mut signals = Signals::new(heeded(&[SIGCONT, SIGQUIT]))?;
     std::thread::spawn(move || {
         for signal in signals.forever() {
+            if signal == SIGCONT {
+                CONTINUED.store(true, Ordering::SeqCst);
+                continue;
+            }
             SUSPENDED.store(true, Ordering::SeqCst);
             restore();
-            // Here a stopped process stays until it is wanted again.
             let _ = low_level::emulate_default_handler(signal);
-            SUSPENDED.store(false, Ordering::SeqCst);
         }
     });
     Ok(())
+}
+
+/// Gives the terminal back and stops this process, until it is continued.
+pub(crate) fn stop() {
+    SUSPENDED.store(true, Ordering::SeqCst);
+    restore();
+    Stops::stop();
+    SUSPENDED.store(false, Ordering::SeqCst);
 }
 
 /// Takes the terminal, where it is not taken yet; none when it is not to be had now. Whatever is
@@ -100,6 +116,14 @@ pub(crate) fn take(log: &File) -> io::Result<Option<Taken>> {
     let mut saved = lock(&SAVED);
     if away() || !is_foreground() {
         return Ok(None);
+    }
+    // One that was stopped without being asked, by SIGSTOP, could not give it back.
+    let lost = CONTINUED.swap(false, Ordering::SeqCst);
+    if let Some(saved) = saved.take_if(|_| lost) {
+        if let Some(stderr) = saved.stderr {
+            dup2_stderr(stderr)?;
+        }
+        tcsetattr(stdin(), OptionalActions::Now, &saved.modes)?;
     }
     let anew = saved.is_none();
     if anew {

@@ -1,7 +1,7 @@
 //! What an evaluation came to: `score.json` and `episodes.csv`, read back.
 
 use std::path::Path;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
 use anyhow::{Context, bail};
 use serde::Deserialize;
@@ -17,7 +17,7 @@ pub(crate) struct Outcome {
     pub(crate) successes: u64,
     pub(crate) fallen: u64,
     #[serde(rename = "mean_steps_of_successes")]
-    pub(crate) mean_steps: f64,
+    pub(crate) mean_steps: Option<f64>,
     /// Hash of the config.
     pub(crate) config: String,
     /// Of formica.
@@ -101,65 +101,9 @@ fn parse(text: &str, path: &Path) -> anyhow::Result<Vec<Episode>> {
     Ok(episodes)
 }
 
-/// Since 1970.
-const YEAR_10000: Duration = Duration::from_secs(253_402_300_800);
-
-/// Day and time of day, in UTC.
-pub(crate) fn date(time: SystemTime) -> Option<String> {
-    let since = time.duration_since(UNIX_EPOCH).ok()?;
-    // A file can be dated as its owner likes.
-    let since = Some(since).filter(|since| *since < YEAR_10000)?;
-    let (days, minutes) = (since.as_secs() / 86_400, since.as_secs() / 60 % 1440);
-    let (year, month, day) = civil(days);
-    let (hour, minute) = (minutes / 60, minutes % 60);
-    Some(format!(
-        "{year}-{month:02}-{day:02} {hour:02}:{minute:02} UTC"
-    ))
-}
-
-/// Year, month and day of a number of days since 1970.
-fn civil(mut days: u64) -> (u64, u64, u64) {
-    let leap = |year: u64| {
-        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
-    };
-    let mut year = 1970;
-    loop {
-        let length = if leap(year) { 366 } else { 365 };
-        if days < length {
-            break;
-        }
-        days -= length;
-        year += 1;
-    }
-    let february = if leap(year) { 29 } else { 28 };
-    let lengths = [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
-    let mut month = 1;
-    for length in lengths {
-        if days < length {
-            break;
-        }
-        days -= length;
-        month += 1;
-    }
-    (year, month, days + 1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        let told = |seconds| date(UNIX_EPOCH + Duration::from_secs(seconds)).unwrap();
-        assert_eq!(told(0), "1970-01-01 00:00 UTC");
-        assert_eq!(told(951_782_399), "2000-02-28 23:59 UTC");
-        assert_eq!(told(951_782_400), "2000-02-29 00:00 UTC");
-        assert_eq!(told(951_868_800), "2000-03-01 00:00 UTC");
-        assert_eq!(told(1_798_761_599), "2026-12-31 23:59 UTC");
-        assert_eq!(told(253_402_300_799), "9999-12-31 23:59 UTC");
-        assert_eq!(date(UNIX_EPOCH + YEAR_10000), None);
-        assert_eq!(date(UNIX_EPOCH - Duration::from_secs(1)), None);
-    }
 
     #[test]
     fn episodes_are_read_by_the_names_of_their_columns() {

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use super::outcome::{Episode, Outcome, date, episodes};
+use super::outcome::{Episode, Outcome, episodes};
 use super::page::{Column, Row, absent, paragraph, table};
+use crate::clock::date;
 use crate::groups::{Group, spread};
 use crate::markup::escaped;
 use crate::recorded::Recorded;
@@ -129,7 +130,9 @@ impl Scored {
 
     /// Steps of the episodes that reached the goal.
     fn steps(&self) -> Option<f64> {
-        (self.outcome.successes > 0).then_some(self.outcome.mean_steps)
+        self.outcome
+            .mean_steps
+            .filter(|_| self.outcome.successes > 0)
     }
 
     /// Share of the chosen nodes that were reached (%).
@@ -235,7 +238,7 @@ mod tests {
                 successes,
                 episodes: 10,
                 fallen: 1,
-                mean_steps: 200.0,
+                mean_steps: Some(200.0),
                 ..Outcome::default()
             },
             episodes: episodes.to_vec(),

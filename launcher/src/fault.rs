@@ -1,0 +1,83 @@
+//! Errors as the user sees them: what is a fault in what they gave, and how it is said.
+
+use dataset::{DatasetError, LoadError};
+use graph::kmeans::KMeansError;
+use nets::file::FileError;
+
+/// A fault that needs no more words than these.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct Input(pub(crate) String);
+
+/// An error and its causes, each said once: libraries differ in whether an error's own text tells
+/// its cause.
+pub(crate) fn sentence(error: &anyhow::Error) -> String {
+    let mut told = String::new();
+    for cause in error.chain() {
+        let cause = cause.to_string();
+        if told.is_empty() {
+            told = cause;
+        } else if !told.contains(&cause) {
+            told = format!("{told}: {cause}");
+        }
+    }
+    told
+}
+
+/// Whether an error is the user's to mend.
+pub(crate) fn is_input(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        cause.is::<Input>()
+            || cause.is::<config::Faults>()
+            || cause.is::<crate::dataset::Refused>()
+            || matches!(
+                cause.downcast_ref::<DatasetError>(),
+                Some(error) if !matches!(error, DatasetError::Io { .. })
+            )
+            || matches!(
+                cause.downcast_ref::<FileError>(),
+                Some(error) if !matches!(error, FileError::Io { .. })
+            )
+            || matches!(
+                cause.downcast_ref::<LoadError>(),
+                Some(error) if !matches!(error, LoadError::Dataset(DatasetError::Io { .. }))
+            )
+            || cause.is::<crate::check::OtherMaze>()
+            || cause.is::<graph::Unusable>()
+            || cause.is::<KMeansError>()
+            || cause.is::<learner::Diverged>()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::Context;
+
+    use super::*;
+
+    #[test]
+    fn faults_of_the_input_are_known_in_any_context() {
+        let input: Result<(), _> = Err(Input("mend it".to_owned()));
+        assert!(is_input(&input.context("reading it").unwrap_err()));
+        let path = std::path::PathBuf::from("a.hdf5");
+        let reason = "cut off".to_owned();
+        let format = DatasetError::Format {
+            path: path.clone(),
+            reason,
+        };
+        assert!(is_input(&format.into()));
+        let source = std::io::Error::from_raw_os_error(5);
+        assert!(!is_input(&DatasetError::Io { path, source }.into()));
+        assert!(!is_input(&anyhow::anyhow!("something else")));
+    }
+
+    #[test]
+    fn each_cause_is_said_once() {
+        let path = std::path::PathBuf::from("a.hdf5");
+        let source = std::io::Error::from_raw_os_error(2);
+        let error = anyhow::Error::from(DatasetError::Io { path, source });
+        let told = sentence(&error.context("reading the data"));
+        let expected = "reading the data: a.hdf5: No such file or directory (os error 2)";
+        assert_eq!(told, expected);
+    }
+}

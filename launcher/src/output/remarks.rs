@@ -1,0 +1,70 @@
+//! What all crates say by the `log` crate: in a command, warnings on standard error and the rest
+//! on standard output; in a process of a run, lines with time and level for its log.
+
+use std::sync::OnceLock;
+use std::time::SystemTime;
+
+use log::{Level, LevelFilter, Log, Metadata, Record};
+
+use super::put;
+use super::stream::Stream;
+use crate::clock::stamp;
+
+/// Crates of formica, of which all is told (iceoryx2 has a level of its own); of others, warnings.
+const OWN: [&str; 13] = [
+    "formica",
+    "actor",
+    "agents",
+    "config",
+    "dataset",
+    "durable",
+    "graph",
+    "graph_builder",
+    "learner",
+    "maze",
+    "nets",
+    "trace",
+    "wire",
+];
+
+/// Writes what is said.
+struct Remarks {
+    /// Into a log, with time and level.
+    stamped: bool,
+}
+
+/// Has what is said by the `log` crate written; for a log, with time and level. So is a panic.
+pub(crate) fn listen(stamped: bool) {
+    static REMARKS: OnceLock<Remarks> = OnceLock::new();
+    if log::set_logger(REMARKS.get_or_init(|| Remarks { stamped })).is_ok() {
+        // Levels are chosen where it is known whose word it is.
+        log::set_max_level(LevelFilter::Trace);
+    }
+    if stamped {
+        std::panic::set_hook(Box::new(|info| log::error!("{info}")));
+    }
+}
+
+impl Log for Remarks {
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        let root = metadata.target().split("::").next().unwrap_or_default();
+        metadata.level() <= Level::Warn || OWN.contains(&root)
+    }
+
+    fn log(&self, record: &Record<'_>) {
+        if !self.enabled(record.metadata()) {
+            return;
+        }
+        let (level, text) = (record.level(), record.args());
+        if self.stamped {
+            let now = stamp(SystemTime::now());
+            put(Stream::Err, format!("{now} {level} {text}\n"));
+        } else if level <= Level::Warn {
+            put(Stream::Err, format!("formica: {text}\n"));
+        } else {
+            put(Stream::Out, format!("{text}\n"));
+        }
+    }
+
+    fn flush(&self) {}
+}
