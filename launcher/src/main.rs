@@ -1,7 +1,7 @@
 //! `formica`: launches a run and supervises its processes; the roles themselves are subcommands.
 //!
 //! Exit codes: 0 fine, 1 failed, 2 a fault in what the user gave, 3 done but with a trace that is
-//! cut off, 130 ended by Ctrl-C.
+//! cut off or damaged, 130 ended by Ctrl-C.
 
 mod accounts;
 mod axis;
@@ -12,6 +12,7 @@ mod curves;
 mod dataset;
 mod doctor;
 mod episode_picture;
+mod figure;
 mod floor_plan;
 mod folder;
 mod groups;
@@ -35,6 +36,7 @@ mod story;
 mod table;
 mod tensorboard;
 mod throughput;
+mod traces;
 #[cfg(feature = "live")]
 mod watch;
 
@@ -86,23 +88,24 @@ enum Command {
     /// Draw learning curves of runs, with mean and spread over seeds, and print their final scores
     Curves(curves::Args),
     /// Tell what happened in a recorded episode; of a folder of traces, a table
+    ///
+    /// Exit code: 0 the trace is whole, 1 it cannot be read, 3 it is cut off or damaged.
     Inspect(inspect::Args),
     /// Play a run's newest traces to Foxglove or Lichtblick on this machine
     #[cfg(feature = "live")]
     Watch(watch::Args),
     /// Simulate a trace's actions again and compare every state bit by bit
+    ///
+    /// Exit code: 0 all states are the same, 1 one differs or the trace cannot be simulated, 3 all
+    /// that is there is the same, and the rest is cut off or damaged.
     Replay {
-        /// The trace
+        /// The trace; of a folder or a run all of its traces
         trace: PathBuf,
     },
-    /// Make a whole trace of what is whole of one that was cut off
-    Recover {
-        /// The trace, a .part or a damaged one
-        trace: PathBuf,
-        /// Where it goes; X.cut.mcap beside it by default
-        #[arg(long)]
-        out: Option<PathBuf>,
-    },
+    /// Make a whole trace of what is whole of one that is cut off or damaged
+    ///
+    /// Exit code: 0 nothing was lost, 1 nothing can be recovered, 3 something was lost; what, is said.
+    Recover(recovery::Args),
     /// Everything that runs have left, as one page: scores, curves, graph, paths, stages, config
     Report(report::Args),
     /// Look at this machine, and clear what dead runs left in shared memory
@@ -179,7 +182,7 @@ fn main() -> ExitCode {
         #[cfg(feature = "live")]
         Command::Watch(args) => watch::run(&args),
         Command::Replay { trace } => replay::run(&trace),
-        Command::Recover { trace, out } => recovery::run(&trace, out.as_deref()),
+        Command::Recover(args) => recovery::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Doctor => doctor::doctor(),
         Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),

@@ -131,7 +131,10 @@ impl Visit for Reading {
             }
             Record::Metadata(mut record) if record.name == RECOVERED => {
                 let lost = record.metadata.remove("lost").unwrap_or_default();
-                self.trace.recovered = Some(lost);
+                self.trace.recovered = Some(match self.trace.recovered.take() {
+                    Some(before) => format!("{before}; {lost}"),
+                    None => lost,
+                });
             }
             Record::Attachment { header, data, .. } if header.name == "config.toml" => {
                 self.config = String::from_utf8_lossy(&data).into_owned();

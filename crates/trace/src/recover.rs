@@ -207,9 +207,14 @@ fn added<R>(before: &Trace, scan: &Scan<R>) -> Vec<(&'static str, BTreeMap<Strin
             record(&[("outcome", "cut off"), ("steps", &steps)]),
         )),
     }
-    if !before.is_whole() && before.recovered.is_none() {
-        let lost: Vec<String> = scan.lost.iter().map(ToString::to_string).collect();
-        let lost = [lost, scan.notes.clone()].concat().join("; ");
+    if !before.is_whole() {
+        let lost = scan.lost.iter().map(ToString::to_string);
+        let rest = before
+            .damage
+            .iter()
+            .filter(|told| !told.starts_with("bytes "))
+            .cloned();
+        let lost = lost.chain(rest).collect::<Vec<String>>().join("; ");
         added.push((RECOVERED, record(&[("steps", &steps), ("lost", &lost)])));
     }
     added
@@ -222,27 +227,28 @@ fn verified<R: Read + Seek, S: Read + Seek>(
     before: Trace,
     written: S,
 ) -> Result<Recovered, TraceError> {
-    let mut again = crate::read::scanned(to, written)?;
-    let after = read_scan(to, &mut again)?;
     let io = |error| refused(to, error);
-    let wrong = match after.cut.iter().chain(&after.damage).next() {
-        Some(reason) => Some(reason.clone()),
-        None if sums(scan).map_err(io)? != sums(&mut again).map_err(io)? => {
-            Some("messages differ".to_owned())
-        }
-        None => None,
-    };
+    let mut again = Scan::of(written).map_err(io)?;
+    let after = read_scan(to, &mut again)?;
+    let lost = again.lost.iter().map(ToString::to_string);
+    let wrong = lost
+        .chain(again.notes.clone())
+        .chain(again.cut.clone())
+        .next();
+    let same = sums(scan).map_err(io)? == sums(&mut again).map_err(io)?;
+    let wrong = wrong.or_else(|| (!same).then(|| "messages differ".to_owned()));
     if let Some(reason) = wrong {
         let reason = format!("what was recovered does not read back: {reason}; it is not kept");
         return Err(damaged(to, reason));
     }
+    let is_not_lost = |told: &String| scan.lost.iter().all(|lost| lost.to_string() != *told);
     Ok(Recovered {
         path: to.to_path_buf(),
         steps: after.steps.len(),
         messages: after.messages,
         cut: before.cut,
+        damage: before.damage.into_iter().filter(is_not_lost).collect(),
         lost: scan.lost.clone(),
-        damage: scan.notes.clone(),
     })
 }
 

@@ -152,7 +152,7 @@ impl<R: Read + Seek> Scan<R> {
                 Some(frame) => match self.examine(&frame)? {
                     Ok(()) => self.keep(&frame),
                     // Where a record follows, the length is right, and it alone is lost.
-                    Err(reason) if self.source.is_plausible(frame.end())? => {
+                    Err(reason) if self.source.is_chain(frame.end())? => {
                         self.lose(at, frame.end(), reason);
                         frame.end()
                     }
@@ -259,7 +259,7 @@ impl<R: Read + Seek> Scan<R> {
             }
             _ => {}
         }
-        let followed = self.source.is_plausible(frame.end())?;
+        let followed = self.source.follows(frame.end())?;
         let sound = match shape {
             Shape::Exact => true,
             Shape::Loose if frame.opcode == op::MESSAGE => followed || self.tells(frame)?,

@@ -28,6 +28,10 @@ pub(crate) struct Chunk {
 }
 
 impl Chunk {
+    pub(crate) fn has_checksum(&self) -> bool {
+        self.crc != 0
+    }
+
     /// Bytes to look through.
     pub(crate) fn cost(&self) -> u64 {
         self.compressed.saturating_add(self.uncompressed.min(MOST))

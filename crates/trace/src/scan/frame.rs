@@ -13,6 +13,11 @@ pub(crate) const HEAD: u64 = 9;
 /// Bytes of a message before its data.
 pub(crate) const MESSAGE_HEAD: u64 = 22;
 
+/// Records of kinds that the format does not know, in a row, that are looked behind.
+const UNKNOWN: usize = 1000;
+/// Records in a row that are no accident.
+const CHAIN: usize = 3;
+
 /// A record that ends within the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Frame {
@@ -135,23 +140,45 @@ impl<R: Read + Seek> Source<R> {
         Ok(if exact { Shape::Exact } else { Shape::Loose })
     }
 
-    /// Whether a record may well begin at `at`, or the file end.
-    pub(crate) fn is_plausible(&mut self, at: u64) -> io::Result<bool> {
-        if at == self.len() || self.is_magic(at)? {
-            return Ok(true);
-        }
-        let Some(frame) = self.frame(at)? else {
-            return Ok(false);
-        };
-        Ok(match self.shape(&frame)? {
-            Shape::Broken => false,
-            Shape::Exact | Shape::Loose => true,
-            Shape::Unknown => {
-                let end = frame.end();
-                let next = self.frame(end)?;
-                end == self.len() || next.is_some_and(|next| parts(next.opcode).is_some())
+    /// Whether a record follows at `at`, or the end of the file: what to expect where all was well
+    /// before. Kinds that the format does not know may stand between.
+    pub(crate) fn follows(&mut self, mut at: u64) -> io::Result<bool> {
+        for _ in 0..UNKNOWN {
+            if at == self.len() || self.is_magic(at)? {
+                return Ok(true);
             }
-        })
+            let Some(frame) = self.frame(at)? else {
+                return Ok(false);
+            };
+            match self.shape(&frame)? {
+                Shape::Broken => return Ok(false),
+                Shape::Exact | Shape::Loose => return Ok(true),
+                Shape::Unknown => at = frame.end(),
+            }
+        }
+        Ok(false)
+    }
+
+    /// Whether records begin at `at`, after damage: so many in a row, of kinds that the format knows
+    /// and of exactly their shape, that it is no accident. Files are full of small numbers with seven
+    /// zeros behind, which look like frames.
+    pub(crate) fn is_chain(&mut self, mut at: u64) -> io::Result<bool> {
+        for _ in 0..CHAIN {
+            if at == self.len() || self.is_magic(at)? && at + 8 == self.len() {
+                return Ok(true);
+            }
+            let Some(frame) = self.frame(at)? else {
+                return Ok(false);
+            };
+            match (frame.opcode, self.shape(&frame)?) {
+                (op::MESSAGE, Shape::Exact | Shape::Loose) | (_, Shape::Exact) => {}
+                // After the compressed records there may be padding.
+                (op::CHUNK, Shape::Loose) => {}
+                _ => return Ok(false),
+            }
+            at = frame.end();
+        }
+        Ok(true)
     }
 
     /// Whether the bytes that begin and end a file stand at `at`.

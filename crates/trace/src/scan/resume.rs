@@ -9,8 +9,6 @@ use super::{MAGIC, Scan};
 
 /// Bytes looked at together.
 const BLOCK: u64 = 64 << 10;
-/// Records that follow one another before a message is believed, which has no shape to speak of.
-const CHAIN: usize = 3;
 
 impl<R: Read + Seek> Scan<R> {
     /// The next place from `at` on where a whole record begins; the end of the file where there is
@@ -51,44 +49,30 @@ impl<R: Read + Seek> Scan<R> {
         let shape = self.source.shape(frame)?;
         self.pay(HEAD);
         Ok(match (frame.opcode, shape) {
-            (op::CHUNK, Shape::Exact | Shape::Loose) => self.chunk_is_whole(frame),
+            (op::CHUNK, Shape::Exact | Shape::Loose) => self.chunk_is_whole(frame)?,
             (op::ATTACHMENT, Shape::Exact) => match self.attachment(frame)? {
                 Some(whole) => whole,
-                None => self.source.is_plausible(frame.end())?,
+                None => self.source.is_chain(frame.end())?,
             },
             (op::FOOTER, Shape::Exact) => {
                 let end = frame.end();
                 end + MAGIC == self.source.len() && self.source.is_magic(end)?
             }
-            (op::MESSAGE, _) => self.is_chained(frame)?,
-            (_, Shape::Exact) => self.source.is_plausible(frame.end())?,
+            (op::MESSAGE, Shape::Exact | Shape::Loose) => self.source.is_chain(frame.end())?,
+            (_, Shape::Exact) => self.source.is_chain(frame.end())?,
             _ => false,
         })
     }
 
-    fn chunk_is_whole(&mut self, frame: &Frame) -> bool {
+    fn chunk_is_whole(&mut self, frame: &Frame) -> io::Result<bool> {
         let Ok(chunk) = self.source.chunk(frame) else {
-            return false;
+            return Ok(false);
         };
         let whole = self.source.walk(&chunk, |_| Ok(())).is_ok();
         if !whole {
             self.pay(chunk.cost());
         }
-        whole
-    }
-
-    /// Whether plausible records follow.
-    fn is_chained(&mut self, frame: &Frame) -> io::Result<bool> {
-        let mut end = frame.end();
-        for _ in 0..CHAIN {
-            if !self.source.is_plausible(end)? {
-                return Ok(false);
-            }
-            match self.source.frame(end)? {
-                Some(next) => end = next.end(),
-                None => return Ok(true),
-            }
-        }
-        Ok(true)
+        // One without a checksum may be empty by accident.
+        Ok(whole && (chunk.has_checksum() || self.source.is_chain(frame.end())?))
     }
 }

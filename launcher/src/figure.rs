@@ -1,0 +1,40 @@
+//! Figures in text for people.
+
+/// A figure with so many decimals and no negative zero; none where it is not finite.
+pub(crate) fn figure(value: f64, decimals: usize) -> Option<String> {
+    if !value.is_finite() {
+        return None;
+    }
+    let text = format!("{value:.decimals$}");
+    let zero = !text.contains(|c: char| ('1'..='9').contains(&c));
+    Some(match text.strip_prefix('-') {
+        Some(positive) if zero => positive.to_owned(),
+        _ => text,
+    })
+}
+
+/// The parts that there are, with commas between them.
+pub(crate) fn listed<const N: usize>(parts: [Option<String>; N]) -> String {
+    let parts: Vec<String> = parts.into_iter().flatten().collect();
+    parts.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_is_no_negative_zero_and_nothing_that_is_no_number() {
+        let told = |value, decimals| figure(value, decimals).unwrap();
+        assert_eq!(told(-0.0, 0), "0");
+        assert_eq!(told(-0.04, 1), "0.0");
+        assert_eq!(told(-0.05, 2), "-0.05");
+        assert_eq!(told(Vec::<f64>::new().iter().sum(), 1), "0.0");
+        assert_eq!(told(-10.0, 0), "-10");
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(figure(value, 1), None);
+        }
+        let parts = [Some("a".to_owned()), None, Some("b".to_owned())];
+        assert_eq!(listed(parts), "a, b");
+    }
+}
