@@ -170,18 +170,21 @@ def large_records_and_those_of_others_are_no_matter(bench):
 @case("mcap#1434")
 def cut_off_is_told_by_exit_code_and_replayed_as_far_as_it_goes(bench):
     trace = Trace(bench)
+    small = trace.write("small.mcap", chunk_size=2000)
     for part in (30, 60, 90, 99):
         bench.write("cut.mcap", trace.raw[: len(trace.raw) * part // 100])
         bench.formica("inspect", "cut.mcap").fails(3, "cut off: it has no footer")
-        bench.formica("replay", "cut.mcap").fails(3, "the same bit for bit")
-        bench.formica("recover", "cut.mcap", "--force").fails(3, "cut off", "messages kept: ")
-        read(bench.folder / "cut.cut.mcap")
-        bench.formica("inspect", "cut.cut.mcap").succeeds()
-        bench.formica("replay", "cut.cut.mcap").succeeds()
+        bench.formica("replay", "cut.mcap").fails(3, "cut off")
+        bench.write("small-cut.mcap", small[: len(small) * part // 100])
+        bench.formica("replay", "small-cut.mcap").fails(3, "the same bit for bit")
+        bench.formica("recover", "small-cut.mcap", "--force").fails(3, "cut off", "messages kept: ")
+        read(bench.folder / "small-cut.cut.mcap")
+        bench.formica("inspect", "small-cut.cut.mcap").succeeds()
+        bench.formica("replay", "small-cut.cut.mcap").succeeds("the same bit for bit")
     for name, rest in (("magic", trace.raw[:-8]), ("half-magic", trace.raw[:-3]), ("zeros", trace.raw[: len(trace.raw) // 2] + bytes(9999))):
         bench.write(f"{name}.mcap", rest)
         bench.formica("inspect", f"{name}.mcap").fails(3, "cut off")
-        bench.formica("replay", f"{name}.mcap").fails(3, "the same bit for bit")
+        bench.formica("replay", f"{name}.mcap").fails(3, "cut off")
 
 
 @case("mcap#385")
@@ -199,7 +202,8 @@ def of_a_damaged_trace_every_whole_chunk_is_kept(bench):
         junk = [bytes(to - from_), dice.randbytes(to - from_), b"", dice.randbytes(77)][number % 4]
         bad = small[:from_] + junk + small[to:]
         bench.write("bad.mcap", bad)
-        bench.formica("recover", "bad.mcap", "--force").fails(3, "bad.mcap: bytes ", " are lost: ")
+        outcome = bench.formica("recover", "bad.mcap", "--force")
+        assert outcome.code == 3 and " are lost: " in outcome.text, f"bytes {from_} to {to}, way {number % 4}\n{outcome}"
         kept = read(bench.folder / "bad.cut.mcap")
         kept = {(sequence, time, data) for _, sequence, time, data in kept}
         whole = [place for place in places if place[1] <= from_ or place[0] >= to]
@@ -219,7 +223,7 @@ def a_bad_chunk_is_left_out_and_said_so(bench):
     bench.write("bad.mcap", bytes(bad))
     bench.formica("inspect", "bad.mcap").fails(3, f"bytes {at} to {end} are lost").never_says("cut off")
     bench.formica("replay", "bad.mcap").fails(3)
-    bench.formica("recover", "bad.mcap").fails(3, f"bytes {at} to {end} are lost", "checksum")
+    bench.formica("recover", "bad.mcap").fails(3, f"bytes {at} to {end} are lost", "the chunk at byte")
     bad = bytearray(trace.raw)
     bad[-20] ^= 0xFF
     bench.write("footer.mcap", bytes(bad))

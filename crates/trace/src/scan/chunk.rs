@@ -28,6 +28,11 @@ pub(crate) struct Chunk {
 }
 
 impl Chunk {
+    /// Whether it has no record at all, which is what zeros in its place look like.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.crc == 0 && self.compressed == 0
+    }
+
     pub(crate) fn has_checksum(&self) -> bool {
         self.crc != 0
     }
@@ -132,7 +137,8 @@ impl<R: Read + Seek> Source<R> {
         let told = |told: &str| format!("the chunk at byte {} {told}", chunk.at);
         let unread = |error: io::Error| match error.kind() {
             io::ErrorKind::UnexpectedEof => told("holds less than it says"),
-            _ => told(&format!("cannot be read: {error}")),
+            _ if chunk.compression.is_empty() => told(&format!("cannot be read: {error}")),
+            _ => told(&format!("is damaged: it cannot be decompressed ({error})")),
         };
         let size = chunk.uncompressed;
         if size > MOST {
