@@ -47,7 +47,7 @@ foreign:
 deny:
     cargo deny check
 
-# A fuzz target (d4rl, minari, ogbench) for ten minutes (needs cargo-fuzz)
+# A fuzz target (d4rl, minari, ogbench, trace) for ten minutes (needs cargo-fuzz)
 fuzz target:
     mkdir -p fuzz/found/{{target}}
     RUSTC_BOOTSTRAP=1 cargo fuzz run {{target}} --sanitizer none fuzz/found/{{target}} fuzz/corpus/{{target}} -- -max_len=16384 -max_total_time=600

@@ -97,6 +97,9 @@ fn a_damaged_trace_is_told_from_a_whole_one(here: &Path, whole: &Path) {
     let cut = told(here, &["inspect", "cut.mcap"]);
     assert_eq!(code(&cut), Some(3), "{}", text(&cut));
     assert!(text(&cut).contains("cut off"), "{}", text(&cut));
+    let replay = told(here, &["replay", "cut.mcap"]);
+    assert_eq!(code(&replay), Some(3), "{}", text(&replay));
+    assert!(text(&replay).contains("the same bit for bit"));
     let recovered = told(here, &["recover", "cut.mcap"]);
     assert_eq!(code(&recovered), Some(3), "{}", text(&recovered));
     let replay = told(here, &["replay", "cut.cut.mcap"]);
@@ -108,6 +111,24 @@ fn a_damaged_trace_is_told_from_a_whole_one(here: &Path, whole: &Path) {
         "it writes over nothing: {}",
         text(&again)
     );
+    let mut damaged = bytes.clone();
+    let middle = bytes.len() / 2;
+    damaged[middle..middle + 100].fill(0);
+    fs::write(here.join("damaged.mcap"), damaged).unwrap();
+    for command in ["inspect", "replay", "recover"] {
+        let output = told(here, &[command, "damaged.mcap"]);
+        assert_eq!(code(&output), Some(3), "{}", text(&output));
+        assert!(text(&output).contains("are lost"), "{}", text(&output));
+        assert!(!text(&output).contains("is cut off"), "{}", text(&output));
+    }
+    let again = told(here, &["inspect", "damaged.cut.mcap"]);
+    assert!(again.status.success(), "{}", text(&again));
+    // By the run's name, and by a link to it.
+    for name in ["small", "latest"] {
+        let table = told(here, &["inspect", name]);
+        assert!(table.status.success(), "{}", text(&table));
+        assert!(text(&table).contains("0 unreadable"));
+    }
     fs::write(here.join("no.mcap"), "no trace at all").unwrap();
     for command in ["inspect", "replay", "recover"] {
         let output = told(here, &[command, "no.mcap"]);

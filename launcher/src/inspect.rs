@@ -5,20 +5,19 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use trace::Trace;
 
-use crate::episode_picture;
+use crate::figure::figure;
 use crate::floor_plan::floor_plan;
 use crate::story::{self, Story, Subgoal};
 use crate::table::aligned;
-
-/// Folders below the given one that are looked into: a run's `traces/training`.
-const DEPTH: usize = 3;
+use crate::traces::{self, Named};
+use crate::{episode_picture, replay};
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Traces, folders of them, or a run
+    /// Traces, folders of them, or runs by name or folder
     #[arg(required = true)]
     paths: Vec<PathBuf>,
     /// For programs: an object for a trace, an array for several
@@ -29,31 +28,18 @@ pub(crate) struct Args {
     picture: Option<PathBuf>,
 }
 
-/// `formica inspect`: exit code 1 where a trace cannot be read, 3 where one is cut off.
+/// `formica inspect`: exit code 1 where a trace cannot be read, 3 where one is cut off or damaged.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let single = args.paths.len() == 1 && args.paths[0].is_file();
-    let paths = if single {
-        args.paths.clone()
-    } else {
-        gather(&args.paths)?
-    };
-    if single {
-        let trace = trace::read(&paths[0])?;
-        let story = Story::of(&trace);
-        if let Some(picture) = &args.picture {
-            draw(&trace, &story, picture)?;
-        }
-        if args.json {
-            say!("{}", serde_json::to_string_pretty(&story)?);
-        } else {
-            crate::output::text(told(&paths[0], &trace, &story));
-        }
-        return Ok(code(false, story.cut.is_some()));
+    if let [given] = &*args.paths
+        && let Named::File(path) = traces::find(given)?
+    {
+        return inspect(&path, args);
     }
     ensure!(
         args.picture.is_none(),
         "--picture draws one trace; name its file, or see `formica report` for a run's"
     );
+    let paths = traces::all(&args.paths)?;
     let stories: Vec<(PathBuf, anyhow::Result<Story>)> = paths
         .into_iter()
         .map(|path| {
@@ -66,61 +52,25 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     } else {
         crate::output::text(overview(&stories));
     }
-    let unread = stories.iter().any(|(_, story)| story.is_err());
-    let cut = stories.iter().filter_map(|(_, story)| story.as_ref().ok());
-    let cut = cut.into_iter().any(|story| story.cut.is_some());
-    Ok(code(unread, cut))
+    let codes = stories.iter().map(|(_, story)| match story {
+        Ok(story) => story.code(),
+        Err(_) => 1,
+    });
+    Ok(ExitCode::from(replay::worst(codes)))
 }
 
-fn code(unread: bool, cut: bool) -> ExitCode {
-    match (unread, cut) {
-        (true, _) => ExitCode::FAILURE,
-        (false, true) => ExitCode::from(3),
-        (false, false) => ExitCode::SUCCESS,
+fn inspect(path: &Path, args: &Args) -> anyhow::Result<ExitCode> {
+    let trace = trace::read(path)?;
+    let story = Story::of(&trace);
+    if let Some(picture) = &args.picture {
+        draw(&trace, &story, picture)?;
     }
-}
-
-/// All traces in the given folders, by name; of a run those in its `traces`.
-fn gather(given: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
-    let mut paths = vec![];
-    for path in given {
-        if !path.is_dir() {
-            ensure!(path.exists(), "there is no {}", path.display());
-            paths.push(path.clone());
-            continue;
-        }
-        let run = path.join("traces");
-        let folder = if run.is_dir() { &run } else { path };
-        let before = paths.len();
-        search(folder, DEPTH, &mut paths)?;
-        if paths.len() == before {
-            bail!(
-                "there is no trace in {}; a run writes them when it evaluates, and every so many \
-                 training episodes with traces.training_every",
-                folder.display()
-            );
-        }
+    if args.json {
+        say!("{}", serde_json::to_string_pretty(&story)?);
+    } else {
+        crate::output::text(told(path, &trace, &story));
     }
-    Ok(paths)
-}
-
-/// Traces in a folder and those below it, by name.
-pub(crate) fn search(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> anyhow::Result<()> {
-    let reading = || format!("reading {}", folder.display());
-    let mut entries = vec![];
-    for entry in fs::read_dir(folder).with_context(reading)? {
-        entries.push(entry.with_context(reading)?.path());
-    }
-    entries.sort();
-    let is_trace = |path: &PathBuf| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        path.is_file() && (name.ends_with(".mcap") || name.ends_with(".mcap.part"))
-    };
-    paths.extend(entries.iter().filter(|path| is_trace(path)).cloned());
-    for folder in entries.iter().filter(|path| path.is_dir() && depth > 0) {
-        search(folder, depth - 1, paths)?;
-    }
-    Ok(())
+    Ok(ExitCode::from(story.code()))
 }
 
 fn draw(trace: &Trace, story: &Story, path: &Path) -> anyhow::Result<()> {
@@ -146,31 +96,44 @@ fn told(path: &Path, trace: &Trace, story: &Story) -> String {
     line(path.display().to_string());
     line(format!(
         "episode {} of the run {} ({}, actor {}), maze {}, seed {}",
-        s.episode, s.run, s.purpose, s.actor, s.maze, s.seed
+        s.episode,
+        named(&s.run),
+        named(&s.purpose),
+        s.actor,
+        named(&s.maze),
+        s.seed
     ));
     line(format!(
         "weights {} and {}, graph {}, config {}, formica {}",
-        s.low_version, s.high_version, s.graph_version, s.config, s.formica
+        s.low_version,
+        s.high_version,
+        s.graph_version,
+        named(&s.config),
+        named(&s.formica)
     ));
     let how = match s.outcome {
         "success" => "the goal reached",
         "failure" => "the goal not reached",
         _ => "not known how it ended",
     };
+    let return_told = s.episode_return.and_then(|value| short(value.into()));
+    let return_told = return_told.unwrap_or("not known".to_owned());
     line(format!(
-        "{}: {how} in {} steps ({:.1} s), return {}",
-        s.outcome, s.steps, s.seconds, s.episode_return
+        "{}: {how} in {} steps ({:.1} s), return {return_told}",
+        s.outcome, s.steps, s.seconds
     ));
     if let Some(reason) = &s.cut {
-        line(format!("the trace ends before the episode did: {reason}"));
+        line(format!("the trace is cut off: {reason}"));
     }
-    let place = |[x, y]: [f32; 2]| format!("({x:.1}, {y:.1})");
+    for damage in &s.damage {
+        line(format!("the trace is damaged: {damage}"));
+    }
+    s.notes.iter().cloned().for_each(&mut line);
     line(format!(
-        "from {} towards {}: {:.1} m walked, {:.2} m from the goal at the nearest",
+        "from {} towards {}: {}",
         place(s.start),
         place(s.goal),
-        s.walked,
-        s.nearest
+        way(s)
     ));
     line(format!(
         "{} falls, {} steps on the back{}",
@@ -196,6 +159,41 @@ fn told(path: &Path, trace: &Trace, story: &Story) -> String {
     text
 }
 
+/// A name from a trace; some have none, and any may hold what a terminal would obey.
+fn named(name: &str) -> String {
+    match name {
+        "" => "-".to_owned(),
+        name => name.escape_debug().to_string(),
+    }
+}
+
+fn place([x, y]: [f32; 2]) -> String {
+    match (figure(x.into(), 1), figure(y.into(), 1)) {
+        (Some(x), Some(y)) => format!("({x}, {y})"),
+        _ => "a place that is not known".to_owned(),
+    }
+}
+
+/// How far it walked, and how near it came.
+fn way(story: &Story) -> String {
+    let walked = figure(story.walked.into(), 1);
+    let nearest = story.nearest.and_then(|nearest| figure(nearest.into(), 2));
+    match (walked, nearest) {
+        (Some(walked), Some(nearest)) => {
+            format!("{walked} m walked, {nearest} m from the goal at the nearest")
+        }
+        _ => "no place of the ant is known".to_owned(),
+    }
+}
+
+/// A figure as short as it is exact.
+fn short(value: f64) -> Option<String> {
+    // Negative zero is zero.
+    value
+        .is_finite()
+        .then(|| ((value + 0.0) as f32).to_string())
+}
+
 fn subgoals(subgoals: &[Subgoal]) -> Vec<Vec<String>> {
     let header = [
         "step",
@@ -206,7 +204,10 @@ fn subgoals(subgoals: &[Subgoal]) -> Vec<Vec<String>> {
         "outcome",
         "steps",
     ];
-    let number = |value: Option<f32>| value.map_or("-".to_owned(), |value| format!("{value:.2}"));
+    let number = |value: Option<f32>| {
+        let value = value.and_then(|value| figure(value.into(), 2));
+        value.unwrap_or("-".to_owned())
+    };
     let rows = subgoals.iter().map(|subgoal| {
         vec![
             subgoal.step.to_string(),
@@ -237,13 +238,20 @@ fn overview(stories: &[(PathBuf, anyhow::Result<Story>)]) -> String {
     let mut notes = String::new();
     for (path, story) in stories {
         let name = path.display().to_string();
+        if let Ok(Story { damage, .. }) = story
+            && let Some(told) = damage.first()
+        {
+            let _ = writeln!(notes, "damaged: {name}: {told}");
+        }
         match story {
             Ok(s) => lines.push(vec![
                 name,
-                s.purpose.clone(),
+                named(&s.purpose),
                 s.outcome.to_owned(),
                 s.steps.to_string(),
-                s.episode_return.to_string(),
+                s.episode_return
+                    .and_then(|value| short(value.into()))
+                    .unwrap_or("-".to_owned()),
                 s.subgoals.len().to_string(),
                 s.reached().to_string(),
                 s.given_up().to_string(),
@@ -293,43 +301,73 @@ fn json(stories: &[(PathBuf, anyhow::Result<Story>)]) -> anyhow::Result<serde_js
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_folder_is_searched_and_a_run_has_its_traces() {
-        let folder = tempfile::tempdir().unwrap();
-        let deep = folder.path().join("traces/training");
-        fs::create_dir_all(&deep).unwrap();
-        for name in [
-            "traces/b.mcap",
-            "traces/a.mcap.part",
-            "traces/training/c.mcap",
-            "x.mcap",
-        ] {
-            fs::write(folder.path().join(name), "").unwrap();
+    use proptest::prelude::*;
+    use trace::{Choice, EdgeOutcome, End, Step};
+
+    fn any_value() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            any::<f32>(),
+            -10.0_f32..10.0,
+            Just(-0.0),
+            Just(f32::NAN),
+            Just(f32::INFINITY),
+            Just(f32::MAX),
+        ]
+    }
+
+    fn any_step() -> impl Strategy<Value = Step> {
+        let values = |most| prop::collection::vec(any_value(), most);
+        let observation = prop_oneof![values(29..30), values(0..40)];
+        (any::<u32>(), any_value(), observation, values(0..9)).prop_map(
+            |(step, reward, observation, action)| Step {
+                step: step % 50,
+                reward,
+                observation,
+                action,
+                ..Step::default()
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_a_trace_says_is_told_in_figures_that_are_some(
+            steps in prop::collection::vec(any_step(), 0..20),
+            value in any_value(),
+            numbers in prop::collection::vec(any::<u32>(), 4),
+            cut in any::<bool>(),
+        ) {
+            let mut trace = Trace { steps, ..Trace::default() };
+            trace.meta.goal = [value, 3.0];
+            trace.meta.success_radius = value;
+            trace.meta.maze = "umaze".to_owned();
+            trace.meta.run = "a\u{1b}[31m".to_owned();
+            trace.cut = cut.then(|| "it ends".to_owned());
+            trace.graph.x = vec![value, 1.0];
+            trace.graph.y = vec![1.0, value];
+            trace.graph.from = numbers.clone();
+            trace.graph.to = vec![0, 1, 2, 3];
+            let [step, node, subgoal, steps] = [0, 1, 2, 3].map(|i| numbers[i]);
+            trace.choices = vec![Choice {
+                step,
+                node: node as i32,
+                subgoal_node: subgoal as i32,
+                value,
+                neighbours: vec![subgoal],
+                probabilities: vec![value],
+                ..Choice::default()
+            }];
+            trace.outcomes = vec![EdgeOutcome { step, steps, ..EdgeOutcome::default() }];
+            trace.end = Some(End { observation: vec![value; 29], ..End::default() });
+            let story = Story::of(&trace);
+            let text = told(Path::new("t.mcap"), &trace, &story);
+            let text = text + &overview(&[("t.mcap".into(), Ok(story.clone()))]);
+            for word in ["NaN", "inf", "-0.0 ", "-0 ", "\u{1b}"] {
+                prop_assert!(!text.contains(word), "{}:\n{}", word, text);
+            }
+            prop_assert!(serde_json::to_string(&story).is_ok());
+            let drawn = episode_picture::svg(&trace, &story, String::new(), String::new());
+            prop_assert!(!drawn.unwrap().contains("NaN"));
         }
-        fs::write(deep.join("notes.txt"), "").unwrap();
-        let found = gather(&[folder.path().to_path_buf()]).unwrap();
-        let names: Vec<_> = found
-            .iter()
-            .map(|path| {
-                path.strip_prefix(folder.path())
-                    .unwrap()
-                    .display()
-                    .to_string()
-            })
-            .collect();
-        assert_eq!(
-            names,
-            [
-                "traces/a.mcap.part",
-                "traces/b.mcap",
-                "traces/training/c.mcap"
-            ]
-        );
-        assert!(gather(&[folder.path().join("none")]).is_err());
-        let empty = tempfile::tempdir().unwrap();
-        let told = gather(&[empty.path().to_path_buf()])
-            .unwrap_err()
-            .to_string();
-        assert!(told.contains("no trace in"), "{told}");
     }
 }

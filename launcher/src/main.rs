@@ -41,6 +41,7 @@ mod story;
 mod table;
 mod tensorboard;
 mod throughput;
+mod traces;
 #[cfg(feature = "live")]
 mod watch;
 
@@ -104,23 +105,24 @@ enum Command {
     /// Draw learning curves of runs, with mean and spread over seeds, and print their final scores
     Curves(curves::Args),
     /// Tell what happened in a recorded episode; of a folder of traces, a table
+    ///
+    /// Exit code: 0 the trace is whole, 1 it cannot be read, 3 it is cut off or damaged.
     Inspect(inspect::Args),
     /// Play a run's newest traces to Foxglove or Lichtblick on this machine
     #[cfg(feature = "live")]
     Watch(watch::Args),
     /// Simulate a trace's actions again and compare every state bit by bit
+    ///
+    /// Exit code: 0 all states are the same, 1 one differs or the trace cannot be simulated, 3 all
+    /// that is there is the same, and the rest is cut off or damaged.
     Replay {
-        /// The trace
+        /// The trace; of a folder or a run all of its traces
         trace: PathBuf,
     },
-    /// Make a whole trace of what is whole of one that was cut off
-    Recover {
-        /// The trace, a .part or a damaged one
-        trace: PathBuf,
-        /// Where it goes; X.cut.mcap beside it by default
-        #[arg(long)]
-        out: Option<PathBuf>,
-    },
+    /// Make a whole trace of what is whole of one that is cut off or damaged
+    ///
+    /// Exit code: 0 nothing was lost, 1 nothing can be recovered, 3 something was lost; what, is said.
+    Recover(recovery::Args),
     /// Everything that runs have left, as one page: scores, curves, graph, paths, stages, config
     Report(report::Args),
     /// Look at this machine, and clear what dead runs left in shared memory
@@ -230,7 +232,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         #[cfg(feature = "live")]
         Command::Watch(args) => watch::run(&args),
         Command::Replay { trace } => replay::run(&trace),
-        Command::Recover { trace, out } => recovery::run(&trace, out.as_deref()),
+        Command::Recover(args) => recovery::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Actor(args) => {

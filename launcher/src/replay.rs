@@ -1,13 +1,16 @@
 //! Simulates a trace's actions again and compares every state bit by bit.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, ensure};
 use maze::{ACTION, AntMaze, OBSERVATION, Physics, Start};
 use trace::Trace;
 
-use crate::story;
+use crate::{story, traces};
+
+/// No value of a state that can be simulated is larger.
+const LARGEST: f32 = 1e6;
 
 /// What a replay found.
 #[derive(Debug, PartialEq)]
@@ -18,38 +21,113 @@ enum Found {
     Differs(u32, Vec<(usize, f32, f32)>),
 }
 
-/// `formica replay TRACE`.
-pub(crate) fn run(path: &Path) -> anyhow::Result<ExitCode> {
+/// `formica replay TRACE`: exit code 1 where a state differs or a trace cannot be simulated, 3 where
+/// all of a trace that is there is the same, and the rest of it cut off or damaged.
+pub(crate) fn run(given: &Path) -> anyhow::Result<ExitCode> {
+    let paths = traces::all(&[given.to_path_buf()])?;
+    let [path] = &*paths else {
+        return Ok(several(&paths));
+    };
     let trace = trace::read(path)?;
+    let code = one(trace).with_context(|| path.display().to_string())?;
+    Ok(ExitCode::from(code))
+}
+
+/// Each by itself: one that cannot be simulated does not keep the others from it.
+fn several(paths: &[PathBuf]) -> ExitCode {
+    let codes = paths.iter().map(|path| {
+        say!("{}", path.display());
+        let code = trace::read(path).map_err(Into::into).and_then(one);
+        code.unwrap_or_else(|error: anyhow::Error| {
+            say!("it cannot be simulated: {error:#}");
+            1
+        })
+    });
+    ExitCode::from(worst(codes))
+}
+
+/// Failure before what is cut off, and that before success.
+pub(crate) fn worst(codes: impl IntoIterator<Item = u8>) -> u8 {
+    let worse = |a: u8, b: u8| if a == 1 || b == 1 { 1 } else { a.max(b) };
+    codes.into_iter().fold(0, worse)
+}
+
+/// Simulates a trace and tells what was found; the exit code.
+fn one(mut trace: Trace) -> anyhow::Result<u8> {
     if let Some(reason) = &trace.cut {
         say!("the trace is cut off: {reason}");
     }
-    let version = &trace.meta.version;
-    if version != env!("CARGO_PKG_VERSION") {
-        say!("the trace is of formica {version}, whose physics may differ");
+    for reason in &trace.damage {
+        say!("the trace is damaged: {reason}");
     }
-    let found = replay(&trace).with_context(|| path.display().to_string())?;
-    match found {
+    let version = &*trace.meta.version;
+    match version {
+        env!("CARGO_PKG_VERSION") => {}
+        "" => say!("the trace does not say which version of formica wrote it"),
+        _ => say!("the trace is of formica {version}, whose physics may differ"),
+    }
+    let lost = leave_out(&mut trace);
+    let partial = !trace.is_whole() || lost.is_some();
+    if trace.steps.is_empty() && trace.end.is_none() {
+        ensure!(partial, "it holds no step to compare");
+        say!("no step is left to compare");
+        return Ok(3);
+    }
+    match replay(&trace)? {
         Found::Same(states) => {
-            say!(
-                "{states} states after {} actions are the same bit for bit",
-                trace.steps.len()
-            );
-            Ok(ExitCode::SUCCESS)
+            let actions = trace.steps.len();
+            say!("{states} states after {actions} actions are the same bit for bit");
+            if let Some(lost) = lost {
+                say!("{lost}");
+            }
+            Ok(if partial { 3 } else { 0 })
         }
         Found::Differs(step, values) => {
             let all = values.len();
             say!("step {step} is the first that differs, in {all} of {OBSERVATION} values:");
             for (index, recorded, now) in values {
-                say!("  observation[{index}] {recorded:?} in the trace, {now:?} now");
+                say!(
+                    "  observation[{index}]: {}, {} now",
+                    told(recorded),
+                    told(now)
+                );
             }
             say!(
                 "it was recorded by another version of the physics, or on a processor of another \
-                 kind"
+                 kind, or its values were changed"
             );
-            Ok(ExitCode::FAILURE)
+            Ok(1)
         }
     }
+}
+
+/// A value of a trace, whatever it is.
+fn told(value: f32) -> String {
+    match value.is_finite() {
+        true => format!("{value:?}"),
+        false => format!("no number (bits {:08x})", value.to_bits()),
+    }
+}
+
+/// Of a trace that lost steps, leaves out what comes behind them: nothing is known of how the ant
+/// got there. What is left out.
+fn leave_out(trace: &mut Trace) -> Option<String> {
+    if trace.is_whole() && trace.recovered.is_none() {
+        return None;
+    }
+    let in_order = (0..).zip(&trace.steps);
+    let kept = in_order.take_while(|(i, step)| *i == step.step).count();
+    let rest = trace.steps.len() > kept;
+    // The end is that of all steps.
+    let ends = |end: &trace::End| end.steps as usize == kept;
+    if !rest && trace.end.as_ref().is_none_or(ends) {
+        return None;
+    }
+    trace.steps.truncate(kept);
+    trace.end = None;
+    Some(format!(
+        "step {kept} is missing, and what comes after it is not compared"
+    ))
 }
 
 fn replay(trace: &Trace) -> anyhow::Result<Found> {
@@ -58,7 +136,12 @@ fn replay(trace: &Trace) -> anyhow::Result<Found> {
         "it does not say how the ant was set at the start; traces of formica 0.1.0 and later do",
     )?;
     let observation = start.state.as_slice().try_into();
-    let observation = observation.context("its start has not 29 values")?;
+    let observation: [f32; OBSERVATION] =
+        observation.context("its start has not the 29 values of an ant")?;
+    ensure!(
+        observation.iter().all(|value| value.abs() <= LARGEST),
+        "its start has a value that no ant has: it is no number, or over {LARGEST}"
+    );
     let mut ant = AntMaze::new(&layout, Physics::MAZE);
     ant.begin(&Start {
         observation,
@@ -74,7 +157,11 @@ fn replay(trace: &Trace) -> anyhow::Result<Found> {
         if let Some(found) = compare(expected, &step.observation, &ant).with_context(told)? {
             return Ok(found);
         }
-        let action = step.action.as_slice().try_into().with_context(told)?;
+        let action: [f32; ACTION] = step.action.as_slice().try_into().with_context(told)?;
+        ensure!(
+            action.iter().all(|value| value.is_finite()),
+            "its step {expected} has an action that is no number"
+        );
         ant.step(&action);
     }
     let steps = trace.steps.len();
@@ -138,6 +225,7 @@ mod tests {
             ant.step(&action);
         }
         trace.end = Some(End {
+            steps: 60,
             observation: ant.observation().to_vec(),
             ..End::default()
         });
@@ -159,6 +247,46 @@ mod tests {
             trace.steps[10].action[0] = 0.0;
             assert!(matches!(replay(&trace).unwrap(), Found::Differs(11, _)));
         }
+    }
+
+    #[test]
+    fn of_a_damaged_trace_what_is_before_the_gap_is_compared() {
+        let mut trace = recorded("umaze");
+        trace.damage = vec!["bytes 1 to 2 are lost".to_owned()];
+        trace.steps.drain(20..25);
+        let told = leave_out(&mut trace).unwrap();
+        assert!(told.contains("step 20 is missing"), "{told}");
+        assert_eq!(replay(&trace).unwrap(), Found::Same(20));
+        // The last steps are lost, and the end is not.
+        let mut trace = recorded("umaze");
+        trace.damage = vec!["bytes 1 to 2 are lost".to_owned()];
+        trace.steps.truncate(50);
+        assert!(leave_out(&mut trace).is_some());
+        assert_eq!(replay(&trace).unwrap(), Found::Same(50));
+    }
+
+    #[test]
+    fn values_that_no_ant_has_are_refused() {
+        let whole = recorded("umaze");
+        for value in [f32::NAN, f32::INFINITY, 1e30] {
+            let mut trace = whole.clone();
+            if let Some(start) = &mut trace.start {
+                start.state[3] = value;
+            }
+            assert!(replay(&trace).is_err(), "{value}");
+        }
+        let mut trace = whole.clone();
+        trace.steps[3].action[1] = f32::NAN;
+        assert!(replay(&trace).is_err());
+        // No actuator takes so much; the values were changed.
+        trace.steps[3].action[1] = 1e30;
+        assert!(matches!(replay(&trace).unwrap(), Found::Differs(..)));
+        let empty = Trace {
+            steps: vec![],
+            end: None,
+            ..whole
+        };
+        assert!(one(empty).is_err());
     }
 
     #[test]

@@ -5,6 +5,9 @@ use maze::{FALLEN, Layout, OBSERVATION, upright};
 use serde::Serialize;
 use trace::Trace;
 
+/// No maze is so large (m).
+const FAR: f32 = 1e6;
+
 /// A choice of the high level and what became of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Subgoal {
@@ -40,26 +43,31 @@ pub(crate) struct Story {
     pub(crate) graph_version: u64,
     /// `success`, `failure` or `cut off`.
     pub(crate) outcome: &'static str,
-    /// Why the trace ends before the episode did.
+    /// Why the trace is cut off.
     pub(crate) cut: Option<String>,
+    /// What of it is damaged.
+    pub(crate) damage: Vec<String>,
+    /// What else is to be known of what it tells, a sentence each.
+    pub(crate) notes: Vec<String>,
     /// Control steps.
     pub(crate) steps: usize,
     pub(crate) seconds: f64,
     #[serde(rename = "return")]
-    pub(crate) episode_return: f32,
+    /// None where a reward is no number.
+    pub(crate) episode_return: Option<f32>,
     /// Where it began and the goal (m).
     pub(crate) start: [f32; 2],
     pub(crate) goal: [f32; 2],
-    /// The way that the torso went, and its least distance to the goal (m).
+    /// The way that the torso went, and its least distance to the goal (m), where any place is told.
     pub(crate) walked: f32,
-    pub(crate) nearest: f32,
+    pub(crate) nearest: Option<f32>,
     /// Times that the ant came to lie on its back, and steps that it lay there.
     pub(crate) falls: usize,
     pub(crate) steps_on_back: usize,
     /// Whether it lay there at the end.
     pub(crate) fell: bool,
     pub(crate) subgoals: Vec<Subgoal>,
-    /// Where the torso was at each step (m).
+    /// Where the torso was at each step that tells a place (m).
     #[serde(skip)]
     pub(crate) path: Vec<[f32; 2]>,
 }
@@ -69,13 +77,13 @@ impl Story {
     pub(crate) fn of(trace: &Trace) -> Self {
         let meta = &trace.meta;
         let last = trace.end.iter().map(|end| &end.observation);
-        let observations = trace.steps.iter().map(|step| &step.observation);
-        let observations: Vec<&[f32]> = observations
-            .chain(last)
-            .map(Vec::as_slice)
+        let told = trace.steps.iter().map(|step| &step.observation);
+        let told = told.chain(last).map(Vec::as_slice);
+        let observations: Vec<&[f32]> = (told.clone())
             .filter(|observation| observation.len() == OBSERVATION)
             .collect();
-        let path: Vec<[f32; 2]> = observations.iter().map(|o| [o[0], o[1]]).collect();
+        let path = observations.iter().map(|o| [o[0], o[1]]);
+        let path: Vec<[f32; 2]> = path.filter(|place| is_place(*place)).collect();
         let between = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
         let down: Vec<bool> = observations.iter().map(|o| upright(o) < FALLEN).collect();
         let fallen = |pair: &&[bool]| !pair[0] && pair[1];
@@ -98,22 +106,31 @@ impl Story {
             graph_version: meta.graph_version,
             outcome,
             cut: trace.cut.clone(),
+            damage: trace.damage.clone(),
+            notes: notes(trace, told.count(), observations.len(), path.len()),
             steps: trace.steps.len(),
             seconds: trace.steps.len() as f64 * f64::from(maze::CONTROL_SECONDS),
-            episode_return: trace.steps.iter().map(|step| step.reward).sum(),
+            episode_return: Some(trace.steps.iter().map(|step| step.reward).sum::<f32>())
+                .filter(|sum| sum.is_finite()),
             start: path.first().copied().unwrap_or(meta.start),
             goal: meta.goal,
             walked: path.windows(2).map(|pair| between(pair[0], pair[1])).sum(),
-            nearest: path
-                .iter()
+            nearest: (path.iter())
                 .map(|place| between(*place, meta.goal))
-                .fold(f32::INFINITY, f32::min),
+                .filter(|distance| distance.is_finite())
+                .reduce(f32::min),
             falls: down.windows(2).filter(fallen).count(),
             steps_on_back: down.iter().filter(|down| **down).count(),
             fell: down.last().copied().unwrap_or(false),
             subgoals: subgoals(trace),
             path,
         }
+    }
+
+    /// The exit code of a command that shows it: 0, or 3 where the trace is cut off or damaged.
+    pub(crate) fn code(&self) -> u8 {
+        let whole = self.cut.is_none() && self.damage.is_empty();
+        if whole { 0 } else { 3 }
     }
 
     /// Subgoals that were reached.
@@ -127,6 +144,56 @@ impl Story {
         let given_up = |subgoal: &&Subgoal| subgoal.reached == Some(false);
         self.subgoals.iter().filter(given_up).count()
     }
+}
+
+/// Whether an ant may be there: figures of another kind are left out rather than added up.
+fn is_place([x, y]: [f32; 2]) -> bool {
+    x.abs() <= FAR && y.abs() <= FAR
+}
+
+/// What is missing or odd in what a trace tells; `told`: states, of which `read` are of the ant's
+/// width and `places` have a place.
+fn notes(trace: &Trace, told: usize, read: usize, places: usize) -> Vec<String> {
+    let mut notes = vec![];
+    if let Some(lost) = &trace.recovered {
+        notes.push(format!(
+            "it was recovered from a trace of which was lost: {lost}"
+        ));
+    }
+    if let Some((first, last)) = gap(trace) {
+        notes.push(match first == last {
+            true => format!("step {first} is missing"),
+            false => format!("steps are missing, the first is {first} and the last {last}"),
+        });
+    }
+    if read < told {
+        let other = told - read;
+        notes.push(format!(
+            "{other} of {told} states do not have the {OBSERVATION} values of an ant, and are left \
+             out: another simulator's, or damaged"
+        ));
+    }
+    if places < read {
+        let other = read - places;
+        notes.push(format!(
+            "{other} of {read} states tell no place within {FAR} m, and are left out of the path"
+        ));
+    }
+    notes
+}
+
+/// The first and the last step that are missing before another one.
+fn gap(trace: &Trace) -> Option<(u32, u32)> {
+    let mut gap: Option<(u32, u32)> = None;
+    let mut expected = 0;
+    for step in &trace.steps {
+        if step.step > expected {
+            let first = gap.map_or(expected, |(first, _)| first);
+            gap = Some((first, step.step - 1));
+        }
+        expected = step.step.saturating_add(1);
+    }
+    gap
 }
 
 /// Each choice with the outcome that came before the next one.
@@ -167,8 +234,14 @@ pub(crate) fn nodes(trace: &Trace) -> Vec<[f32; 2]> {
     places.map(|(x, y)| [*x, *y]).collect()
 }
 
-/// The maze of an episode, by the config that its trace holds.
+/// The maze of an episode, by the config that its trace holds, or by its name where the config is
+/// lost.
 pub(crate) fn layout(trace: &Trace) -> anyhow::Result<Layout> {
+    if trace.meta.config_toml.is_empty()
+        && let Ok(layout) = Layout::named(&trace.meta.maze)
+    {
+        return Ok(layout);
+    }
     layout_of(&trace.meta.config_toml).context("the config.toml that the trace holds")
 }
 
@@ -260,8 +333,31 @@ mod tests {
         let story = Story::of(&trace);
         assert_eq!((story.falls, story.steps_on_back, story.fell), (2, 2, true));
         assert_eq!((story.walked, story.steps), (7.0, 5));
-        assert_eq!(story.episode_return, 2.5);
+        assert_eq!(story.episode_return, Some(2.5));
         assert_eq!(story.outcome, "cut off");
+    }
+
+    #[test]
+    fn what_is_no_place_is_left_out_and_said_so() {
+        let mut trace = Trace::default();
+        let story = Story::of(&trace);
+        assert_eq!((story.walked, story.nearest), (0.0, None));
+        for x in [0.0, 1.0, f32::NAN, f32::INFINITY, 3e38, 2.0] {
+            trace.steps.push(step(x, 0.0));
+        }
+        trace.steps[1].step = 9;
+        trace.steps[5].observation = vec![0.0; 111];
+        let story = Story::of(&trace);
+        assert_eq!((story.walked, story.nearest), (1.0, Some(0.0)));
+        let told = story.notes.join("\n");
+        assert!(
+            told.contains("1 of 6 states do not have the 29 values"),
+            "{told}"
+        );
+        assert!(told.contains("3 of 5 states tell no place"), "{told}");
+        assert_eq!(gap(&trace), Some((1, 8)));
+        trace.steps[0].reward = f32::NAN;
+        assert_eq!(Story::of(&trace).episode_return, None);
     }
 
     #[test]

@@ -1,21 +1,21 @@
 //! `formica watch`: a run's newest traces in Foxglove or Lichtblick, while it goes on.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use anyhow::Context;
 use trace::Server;
 
 use crate::interrupts::Interrupts;
-use crate::{inspect, recorded};
+use crate::traces;
 
 /// How often a run without a trace is looked at again.
 const LOOK: Duration = Duration::from_millis(500);
 
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A run, by its name or folder
+    /// A run by its name or folder, a folder of traces, or a trace
     run: PathBuf,
     /// Port on 127.0.0.1; 0 is any that is free
     #[arg(long, default_value_t = 8765)]
@@ -32,7 +32,7 @@ fn speed(text: &str) -> Result<f64, String> {
 
 /// Plays until Ctrl-C.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let folder = recorded::find(&args.run)?;
+    let named = traces::find(&args.run)?;
     let interrupts = Interrupts::listen()?;
     let stopped = || interrupts.count() > 0;
     let server = Server::start(args.port).context("listening; give another --port")?;
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         server.port()
     );
     while !stopped() {
-        match newest(&folder.join("traces")) {
+        match traces::newest(&named) {
             Some(path) => {
                 say!("{}", path.display());
                 if let Err(error) = server.play(&path, args.speed, &stopped) {
@@ -54,19 +54,4 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     server.stop();
     Ok(ExitCode::from(Interrupts::EXIT))
-}
-
-/// The newest whole trace of a run.
-fn newest(traces: &Path) -> Option<PathBuf> {
-    let mut paths = vec![];
-    // A run that has just begun has no folder of traces yet.
-    let _ = inspect::search(traces, 1, &mut paths);
-    let whole = paths
-        .into_iter()
-        .filter(|p| p.extension().is_some_and(|e| e == "mcap"));
-    let time = |path: &PathBuf| {
-        let about = std::fs::metadata(path).and_then(|about| about.modified());
-        about.unwrap_or(SystemTime::UNIX_EPOCH)
-    };
-    whole.max_by_key(time)
 }

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Opens traces with the official Python reader and decodes every message.
 
-Usage: check_mcap.py TRACE...      (pip install mcap mcap-protobuf-support)
+Usage: check_mcap.py [--recovered] TRACE...      (pip install mcap mcap-protobuf-support)
+With --recovered what a recovered trace may lack is not asked for.
 Exit code: 0 all fine, 1 a trace is wrong, 2 usage.
 """
 
@@ -9,13 +10,41 @@ import sys
 from collections import Counter
 
 from mcap.reader import make_reader
+from mcap.records import Chunk, DataEnd, Footer
+from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 METADATA = "formica.episode"
 OUTCOME = "formica.outcome"
+RECOVERED = "formica.recovered"
+
+
+def check_records(path):
+    """Every record of the file, all checksums held and none left out."""
+    with open(path, "rb") as file:
+        records = list(StreamReader(file, emit_chunks=True, validate_crcs=True).records)
+    assert all(r.uncompressed_crc for r in records if isinstance(r, Chunk)), "a chunk has no checksum"
+    assert all(r.data_section_crc for r in records if isinstance(r, DataEnd)), "the data have no checksum"
+    assert [r.summary_crc for r in records if isinstance(r, Footer)] > [0], "the summary has no checksum"
+
+
+def check_recovered(path):
+    check_records(path)
+    counts = Counter()
+    with open(path, "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
+        for _, channel, _, _ in reader.iter_decoded_messages(log_time_order=False):
+            counts[channel.topic] += 1
+        records = {record.name: record.metadata for record in reader.iter_metadata()}
+        assert {METADATA, OUTCOME, RECOVERED} == set(records), f"metadata records {set(records)}"
+        assert int(records[RECOVERED]["steps"]) == counts["/step"], "metadata and /step tell other counts"
+        statistics = reader.get_summary().statistics
+        assert statistics.message_count == counts.total(), "the statistics tell another count"
+    print(path, counts.total(), records[RECOVERED]["lost"])
 
 
 def check(path):
+    check_records(path)
     counts, last, choices = Counter(), 0, []
     with open(path, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
@@ -61,13 +90,16 @@ def check(path):
 
 
 def main():
-    if len(sys.argv) < 2:
+    paths, checked = sys.argv[1:], check
+    if paths[:1] == ["--recovered"]:
+        paths, checked = paths[1:], check_recovered
+    if not paths:
         print(__doc__, file=sys.stderr)
         return 2
     failed = False
-    for path in sys.argv[1:]:
+    for path in paths:
         try:
-            check(path)
+            checked(path)
         except Exception as error:  # whatever the reader raises is a finding
             print(f"{path}: {type(error).__name__}: {error}", file=sys.stderr)
             failed = True

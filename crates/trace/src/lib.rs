@@ -27,14 +27,20 @@
 //! Foxglove and Lichtblick). Metadata records: [`METADATA`] first, [`OUTCOME`] last.
 //!
 //! Chunks are on disk each second, and a file is called `.part` until it is whole; [`recover`]
-//! makes what is whole of one into a trace.
+//! makes what is whole of one, or of a damaged one, into a trace.
+//!
+//! [`read`] takes any file that the format allows: messages in any order, chunks or none, any of the
+//! format's compressions, topics and records of others, no index.
 
+mod foreign;
+mod lost;
 mod message;
 mod meta;
 mod read;
 mod record;
 mod recorder;
 mod recover;
+mod scan;
 mod scene;
 #[cfg(feature = "live")]
 mod serve;
@@ -42,12 +48,13 @@ mod still;
 mod topic;
 mod write;
 
+pub use lost::Lost;
 pub use message::{Choice, EdgeOutcome, End, Graph, Start, Step};
 pub use meta::{EpisodeMeta, Outcome};
-pub use read::{Trace, read, read_whole};
+pub use read::{Trace, read, read_bytes, read_whole};
 pub use record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
 pub use recorder::{Behind, Episode, Recorder};
-pub use recover::{Recovered, recover};
+pub use recover::{Onto, Recovered, recover, recover_bytes};
 pub use scene::Scene;
 #[cfg(feature = "live")]
 pub use serve::Server;
@@ -58,6 +65,8 @@ pub use write::EpisodeWriter;
 pub const METADATA: &str = "formica.episode";
 /// Name of the metadata record of how it ended, written at its end.
 pub const OUTCOME: &str = "formica.outcome";
+/// Name of the metadata record of a trace that was recovered from a damaged one: what was lost.
+pub const RECOVERED: &str = "formica.recovered";
 
 /// Why a trace could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -77,5 +86,21 @@ pub enum TraceError {
         path: String,
         /// What was wrong.
         reason: String,
+    },
+    /// Nothing in a file is worth recovering.
+    #[error("{path}: nothing can be recovered: {reason}")]
+    Nothing {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+    /// Something is in the way of what would be written.
+    #[error("{path} is there already, and is not written over; {remedy}")]
+    Exists {
+        /// What is in the way.
+        path: String,
+        /// What helps.
+        remedy: String,
     },
 }

@@ -1,25 +1,24 @@
-//! Reads traces. No length that a file tells is believed before it is checked, and a file that
-//! is cut off or altered is an error, never a panic.
+//! Reads traces: any file of MCAP that holds an episode, its messages in whatever order. One that is
+//! cut off or damaged gives what is whole of it, never a panic.
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
+use std::io::{Cursor, Read, Seek};
 use std::path::Path;
 
-use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use foxglove::messages::PoseInFrame;
+use mcap::records::{MessageHeader, Record, op};
 use prost::Message;
 
 use crate::message::{Choice, EdgeOutcome, End, Graph, Start, Step};
+use crate::scan::{Scan, Stop, Visit};
 use crate::topic::Topic;
-use crate::{EpisodeMeta, METADATA, OUTCOME, Outcome, TraceError};
+use crate::{EpisodeMeta, METADATA, OUTCOME, Outcome, RECOVERED, TraceError, foreign};
 
-/// Bound on the length of any record or chunk of a trace (bytes).
-const MAX_RECORD: usize = 16 << 20;
-/// Bound on the number of messages of a trace.
-const MAX_MESSAGES: u64 = 10_000_000;
-/// Bound on the number of its steps, which are kept.
-const MAX_STEPS: usize = 2_000_000;
+/// Bound on a message of ours, a metadata record, or an attachment that is looked into (bytes).
+const LARGEST: u64 = 16 << 20;
+/// Bound on all messages that are kept (bytes, as encoded).
+const KEPT: u64 = 1 << 30;
 
 /// A trace as read.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -32,109 +31,110 @@ pub struct Trace {
     pub outcome: Option<Outcome>,
     /// Messages of `/start`, at most one.
     pub start: Option<Start>,
-    /// Messages of `/step`, in order.
+    /// Messages of `/step`, in the order of their steps.
     pub steps: Vec<Step>,
-    /// Messages of `/choice`.
+    /// Messages of `/choice`, likewise.
     pub choices: Vec<Choice>,
-    /// Messages of `/outcome`.
+    /// Messages of `/outcome`, likewise.
     pub outcomes: Vec<EdgeOutcome>,
     /// Messages of `/end`, at most one.
     pub end: Option<End>,
     /// The graph.
     pub graph: Graph,
-    /// Messages of each topic.
+    /// Messages of each topic, those of other programs included.
     pub messages: BTreeMap<String, u64>,
-    /// Times of the first and last message (ns since 1970).
+    /// The earliest and the latest time of a message (ns since 1970).
     pub times: [u64; 2],
-    /// Where the file is cut off or damaged, why it ends there: what is before it is whole.
+    /// Why the file is cut off, where it does not end as a file of MCAP does. What is before is whole.
     pub cut: Option<String>,
+    /// What of the file is damaged and lost, a sentence each.
+    pub damage: Vec<String>,
+    /// What had been lost of the file that this one was recovered from; none of an original.
+    pub recovered: Option<String>,
 }
 
-/// Why a scan ended before its time.
-pub(crate) enum Stop {
-    /// The file ends or is damaged; what was visited before is whole.
-    Cut(String),
-    /// The visitor refused, or the system did.
-    Error(TraceError),
-}
-
-/// Calls `visit` with each record, those within chunks as well.
-pub(crate) fn scan(
-    path: &Path,
-    mut visit: impl FnMut(Record<'_>) -> Result<(), String>,
-) -> Result<(), Stop> {
-    let name = path.display().to_string();
-    let io = |source| {
-        Stop::Error(TraceError::Io {
-            path: name.clone(),
-            source,
-        })
-    };
-    let mut file = File::open(path).map_err(io)?;
-    // A chunk is looked at as a whole before any message of it is believed.
-    let options = LinearReaderOptions::default()
-        .with_check_finishes_after_end_magic(true)
-        .with_prevalidate_chunk_crcs(true)
-        .with_validate_data_section_crc(true)
-        .with_validate_summary_section_crc(true)
-        .with_record_length_limit(MAX_RECORD);
-    let mut reader = LinearReader::new_with_options(options);
-    while let Some(event) = reader.next_event() {
-        match event.map_err(|error| Stop::Cut(error.to_string()))? {
-            LinearReadEvent::ReadRequest(need) => {
-                let read = file.read(reader.insert(need.min(MAX_RECORD))).map_err(io)?;
-                reader.notify_read(read);
-            }
-            LinearReadEvent::Record { opcode, data } => {
-                let record = mcap::parse_record(opcode, data);
-                let record = record.map_err(|error| Stop::Cut(error.to_string()))?;
-                visit(record).map_err(Stop::Cut)?;
-            }
-        }
+impl Trace {
+    /// Whether the file is neither cut off nor damaged.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.cut.is_none() && self.damage.is_empty()
     }
-    Ok(())
 }
 
 /// What is gathered on the way through a file.
 #[derive(Default)]
 struct Reading {
     trace: Trace,
-    topics: BTreeMap<u16, String>,
+    /// Name of each channel's topic, and which of ours it is.
+    channels: BTreeMap<u16, (String, Option<Topic>)>,
+    /// Log times of steps, choices and outcomes.
+    steps: Vec<(u64, Step)>,
+    choices: Vec<(u64, Choice)>,
+    outcomes: Vec<(u64, EdgeOutcome)>,
+    goal: Option<[f32; 2]>,
     config: String,
-    total: u64,
+    kept: u64,
     began: bool,
+    /// Messages of channels that the file does not describe.
+    orphans: u64,
+    /// Messages of ours that cannot be decoded, and what is wrong with the first.
+    undecoded: Option<(u64, String)>,
 }
 
-impl Reading {
-    fn take(&mut self, record: Record<'_>) -> Result<(), String> {
+impl Visit for Reading {
+    type Error = String;
+
+    fn wants(&self, opcode: u8, channel: u16, len: u64) -> bool {
+        let told = |topic: Topic| {
+            use Topic::{Choice, End, Goal, Outcome, Start, Step, Structure};
+            [Step, Choice, Outcome, Start, End, Structure, Goal].contains(&topic)
+        };
+        let own = |(_, topic): &(String, Option<Topic>)| topic.is_some_and(told);
+        len <= LARGEST && (opcode != op::MESSAGE || self.channels.get(&channel).is_some_and(own))
+    }
+
+    fn message(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), String> {
+        let time = header.log_time;
+        let [first, last] = &mut self.trace.times;
+        match std::mem::replace(&mut self.began, true) {
+            true => (*first, *last) = ((*first).min(time), (*last).max(time)),
+            false => (*first, *last) = (time, time),
+        }
+        let Some((name, topic)) = self.channels.get(&header.channel_id) else {
+            self.orphans += 1;
+            return Ok(());
+        };
+        match self.trace.messages.get_mut(name) {
+            Some(count) => *count += 1,
+            None => drop(self.trace.messages.insert(name.clone(), 1)),
+        }
+        let Some(topic) = *topic else {
+            return Ok(());
+        };
+        self.kept += data.len() as u64;
+        if self.kept > KEPT {
+            return Err(format!(
+                "its messages are over {KEPT} bytes, more than formica reads"
+            ));
+        }
+        if let Err(error) = self.decode(topic, time, data) {
+            let told = || (0, format!("a message of {}: {error}", topic.name()));
+            self.undecoded.get_or_insert_with(told).0 += 1;
+        }
+        Ok(())
+    }
+
+    fn record(&mut self, record: Record<'_>) -> Result<(), String> {
         match record {
-            Record::Channel(channel) => {
-                self.topics.insert(channel.id, channel.topic);
-            }
-            Record::Message { header, data } => {
-                let topic = self.topics.get(&header.channel_id).cloned();
-                let topic = topic.ok_or("a message names a channel that does not exist")?;
-                let times = &mut self.trace.times;
-                if !self.began {
-                    *times = [header.log_time; 2];
-                    self.began = true;
-                }
-                if header.log_time < times[1] {
-                    return Err(format!(
-                        "time runs backwards on {topic}: {} ns after {} ns",
-                        header.log_time, times[1]
-                    ));
-                }
-                times[1] = header.log_time;
-                self.total += 1;
-                if self.total > MAX_MESSAGES {
-                    return Err(format!("it has more than {MAX_MESSAGES} messages"));
-                }
-                self.message(&topic, &data)?;
-                *self.trace.messages.entry(topic).or_default() += 1;
-            }
             Record::Metadata(record) if [METADATA, OUTCOME].contains(&&*record.name) => {
                 self.trace.metadata.extend(record.metadata);
+            }
+            Record::Metadata(mut record) if record.name == RECOVERED => {
+                let lost = record.metadata.remove("lost").unwrap_or_default();
+                self.trace.recovered = Some(match self.trace.recovered.take() {
+                    Some(before) => format!("{before}; {lost}"),
+                    None => lost,
+                });
             }
             Record::Attachment { header, data, .. } if header.name == "config.toml" => {
                 self.config = String::from_utf8_lossy(&data).into_owned();
@@ -143,69 +143,177 @@ impl Reading {
         }
         Ok(())
     }
+}
 
-    fn message(&mut self, topic: &str, data: &[u8]) -> Result<(), String> {
-        let is = |known: Topic| topic == known.name();
-        let told = |error: prost::DecodeError| format!("a message of {topic}: {error}");
+impl Reading {
+    fn decode(&mut self, topic: Topic, time: u64, data: &[u8]) -> Result<(), prost::DecodeError> {
         let trace = &mut self.trace;
-        if is(Topic::Step) {
-            if trace.steps.len() >= MAX_STEPS {
-                return Err(format!("it has more than {MAX_STEPS} steps"));
+        match topic {
+            Topic::Step => self.steps.push((time, Step::decode(data)?)),
+            Topic::Choice => self.choices.push((time, Choice::decode(data)?)),
+            Topic::Outcome => self.outcomes.push((time, EdgeOutcome::decode(data)?)),
+            Topic::Start => trace.start = Some(Start::decode(data)?),
+            Topic::End => trace.end = Some(End::decode(data)?),
+            Topic::Structure => trace.graph = Graph::decode(data)?,
+            Topic::Goal => {
+                let goal = PoseInFrame::decode(data)?
+                    .pose
+                    .and_then(|pose| pose.position);
+                self.goal = goal.map(|goal| [goal.x as f32, goal.y as f32]);
             }
-            trace.steps.push(Step::decode(data).map_err(told)?);
-        } else if is(Topic::Choice) {
-            trace.choices.push(Choice::decode(data).map_err(told)?);
-        } else if is(Topic::Outcome) {
-            let outcome = EdgeOutcome::decode(data).map_err(told)?;
-            trace.outcomes.push(outcome);
-        } else if is(Topic::Start) {
-            trace.start = Some(Start::decode(data).map_err(told)?);
-        } else if is(Topic::End) {
-            trace.end = Some(End::decode(data).map_err(told)?);
-        } else if is(Topic::Structure) {
-            trace.graph = Graph::decode(data).map_err(told)?;
+            _ => {}
         }
         Ok(())
     }
+
+    /// Puts what is in the order of time into the trace, and says what is wrong with it.
+    fn finish(mut self, scan_damage: Vec<String>, cut: Option<String>) -> Trace {
+        let mut trace = self.trace;
+        self.steps.sort_by_key(|(time, step)| (step.step, *time));
+        self.choices
+            .sort_by_key(|(time, choice)| (choice.step, *time));
+        self.outcomes
+            .sort_by_key(|(time, outcome)| (outcome.step, *time));
+        trace.steps = self.steps.into_iter().map(|(_, step)| step).collect();
+        trace.choices = self.choices.into_iter().map(|(_, choice)| choice).collect();
+        trace.outcomes = self.outcomes.into_iter().map(|(_, o)| o).collect();
+        trace.meta = EpisodeMeta::of(&trace.metadata, self.config);
+        if let Some(goal) = self.goal.filter(|_| !trace.metadata.contains_key("goal")) {
+            trace.meta.goal = goal;
+        }
+        trace.outcome = Outcome::of(&trace.metadata).or_else(|| {
+            // Its record is lost, or another program has left it out.
+            let end = trace.end.as_ref()?;
+            Some(Outcome {
+                success: end.success,
+                fell: end.fell,
+                steps: end.steps,
+                episode_return: trace.steps.iter().map(|step| step.reward).sum(),
+            })
+        });
+        (trace.cut, trace.damage) = (cut, scan_damage);
+        let version = &trace.meta.version;
+        if let Some((count, first)) = self.undecoded {
+            let by = match version == env!("CARGO_PKG_VERSION") || version.is_empty() {
+                true => String::new(),
+                false => {
+                    format!("; formica {version} wrote the trace, use that version to read it")
+                }
+            };
+            let told = format!("{count} messages cannot be decoded, the first is {first}{by}");
+            trace.damage.push(told);
+        }
+        if self.orphans > 0 {
+            let told = "messages belong to channels that the file does not describe";
+            trace.damage.push(format!("{} {told}", self.orphans));
+        }
+        let told = trace
+            .metadata
+            .get("steps")
+            .filter(|_| trace.recovered.is_none());
+        let steps = trace.steps.len();
+        if let Some(told) = told.filter(|told| trace.is_whole() && **told != steps.to_string()) {
+            let told = format!("its metadata tell {told} steps, but it holds {steps}");
+            trace.damage.push(told);
+        }
+        trace
+    }
 }
 
-fn damaged(path: &Path, reason: String) -> TraceError {
+pub(crate) fn damaged(path: &Path, reason: String) -> TraceError {
     TraceError::Mcap {
         path: path.display().to_string(),
         reason,
     }
 }
 
-/// Reads a trace and checks it as it goes: checksums, the order of time, and that the metadata
-/// tell as many steps as there are. Of one that is cut off or damaged it gives what comes before,
-/// and says so in [`Trace::cut`].
+pub(crate) fn refused(path: &Path, source: std::io::Error) -> TraceError {
+    TraceError::Io {
+        path: path.display().to_string(),
+        source,
+    }
+}
+
+/// Opens a regular file: any other has no end that is known before.
+pub(crate) fn open(path: &Path) -> Result<File, TraceError> {
+    let io = |error| refused(path, error);
+    let about = std::fs::metadata(path).map_err(io)?;
+    if !about.is_file() {
+        let told = match about.is_dir() {
+            true => "it is a folder; name a trace in it",
+            false => "it is a device or a pipe; copy what it gives to a file",
+        };
+        return Err(damaged(path, told.to_owned()));
+    }
+    File::open(path).map_err(io)
+}
+
+/// Looks through a file, and refuses one that is none of MCAP.
+pub(crate) fn scanned<R: Read + Seek>(path: &Path, inner: R) -> Result<Scan<R>, TraceError> {
+    let io = |error| refused(path, error);
+    let mut scan = Scan::of(inner).map_err(io)?;
+    let beginning = scan.beginning().map_err(io)?;
+    match foreign::kind(&beginning, scan.has_records()) {
+        Some(kind) => Err(damaged(path, kind)),
+        None => Ok(scan),
+    }
+}
+
+/// Reads a trace and checks it as it goes: checksums, and that the metadata tell as many steps as
+/// there are. Of one that is cut off or damaged it gives what is whole, and says so in
+/// [`Trace::cut`] and [`Trace::damage`].
 ///
 /// # Errors
-/// What the system refuses, and a file that is damaged before it says which episode it is of.
+/// What the system refuses, and a file that is no trace of an episode, or so damaged that nothing
+/// is left of one.
 pub fn read(path: &Path) -> Result<Trace, TraceError> {
-    let mut reading = Reading::default();
-    let cut = match scan(path, |record| reading.take(record)) {
-        Ok(()) => None,
-        Err(Stop::Cut(reason)) => Some(reason),
-        Err(Stop::Error(error)) => return Err(error),
+    read_from(path, open(path)?)
+}
+
+/// As [`read`], of a file's bytes.
+///
+/// # Errors
+/// As those of [`read`].
+pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Trace, TraceError> {
+    read_from(path, Cursor::new(bytes))
+}
+
+fn read_from<R: Read + Seek>(path: &Path, inner: R) -> Result<Trace, TraceError> {
+    read_scan(path, &mut scanned(path, inner)?)
+}
+
+pub(crate) fn read_scan<R: Read + Seek>(
+    path: &Path,
+    scan: &mut Scan<R>,
+) -> Result<Trace, TraceError> {
+    let channels = scan.channels.iter().map(|(id, channel)| {
+        let topic = Topic::of(channel, &scan.schemas);
+        (*id, (channel.topic.clone(), topic))
+    });
+    let mut reading = Reading {
+        channels: channels.collect(),
+        ..Reading::default()
     };
-    let Reading {
-        mut trace, config, ..
-    } = reading;
-    if trace.metadata.is_empty() {
-        let reason = cut.map_or(String::new(), |reason| format!(" ({reason})"));
+    match scan.visit(&mut reading) {
+        Ok(()) => {}
+        Err(Stop::Io(error)) => return Err(refused(path, error)),
+        Err(Stop::Visitor(reason)) => return Err(damaged(path, reason)),
+    }
+    let (cut, len) = (scan.cut.clone(), scan.len());
+    // The end of one that is cut off is told with the cut.
+    let lost = scan
+        .lost
+        .iter()
+        .filter(|lost| cut.is_none() || lost.to < len);
+    let damage = lost.map(ToString::to_string);
+    let damage = damage.chain(scan.notes.iter().cloned()).collect();
+    let trace = reading.finish(damage, cut);
+    let begins = trace.start.is_some() || !trace.steps.is_empty();
+    if trace.metadata.is_empty() && (trace.is_whole() || !begins) {
+        let reason = trace.cut.iter().chain(&trace.damage).next();
+        let reason = reason.map_or(String::new(), |reason| format!(" ({reason})"));
         let reason = format!("it has no record '{METADATA}'{reason}: it is no trace of an episode");
         return Err(damaged(path, reason));
-    }
-    trace.meta = EpisodeMeta::of(&trace.metadata, config);
-    trace.outcome = Outcome::of(&trace.metadata);
-    trace.cut = cut;
-    let told = trace.metadata.get("steps");
-    let steps = trace.steps.len();
-    if let Some(told) = told.filter(|told| trace.cut.is_none() && **told != steps.to_string()) {
-        trace.cut = Some(format!(
-            "its metadata tell {told} steps, but it holds {steps}"
-        ));
     }
     Ok(trace)
 }
@@ -215,8 +323,8 @@ pub fn read(path: &Path) -> Result<Trace, TraceError> {
 /// # Errors
 /// What the system refuses, or any damage.
 pub fn read_whole(path: &Path) -> Result<Trace, TraceError> {
-    let trace = read(path)?;
-    match trace.cut {
+    let mut trace = read(path)?;
+    match trace.cut.take().or_else(|| trace.damage.pop()) {
         Some(reason) => Err(damaged(path, reason)),
         None => Ok(trace),
     }
@@ -224,4 +332,4 @@ pub fn read_whole(path: &Path) -> Result<Trace, TraceError> {
 
 #[cfg(test)]
 #[path = "tests.rs"]
-mod tests;
+pub(crate) mod tests;

@@ -9,10 +9,11 @@ use std::time::{Duration, Instant};
 use foxglove::{
     ChannelBuilder, Context, PartialMetadata, RawChannel, WebSocketServer, WebSocketServerHandle,
 };
-use mcap::records::Record;
+use mcap::records::{MessageHeader, Record, op};
 
 use crate::TraceError;
-use crate::read::{Stop, scan};
+use crate::read::{damaged, open, refused, scanned};
+use crate::scan::{Stop, Visit};
 use crate::topic::Topic;
 
 /// What stands still is told again so often, for those who come late.
@@ -128,31 +129,59 @@ impl Server {
     }
 }
 
+/// Bound on the messages of a trace that is played (bytes).
+const MOST: u64 = 1 << 30;
+
 /// The messages of a trace in the order of time, of topics that this version knows.
 fn messages(path: &Path) -> Result<Vec<Timed>, TraceError> {
-    let mut topics = BTreeMap::new();
-    let mut messages: Vec<Timed> = vec![];
-    let read = scan(path, |record| {
-        match record {
-            Record::Channel(channel) => {
-                let known = Topic::ALL.iter().position(|t| t.name() == channel.topic);
-                topics.insert(channel.id, known);
+    let mut scan = scanned(path, open(path)?)?;
+    let topics = scan.channels.iter().filter_map(|(id, channel)| {
+        let topic = Topic::of(channel, &scan.schemas)?;
+        Some((*id, topic as usize))
+    });
+    let mut known = Known {
+        topics: topics.collect(),
+        messages: vec![],
+        bytes: 0,
+    };
+    match scan.visit(&mut known) {
+        Ok(()) => {}
+        Err(Stop::Io(error)) => return Err(refused(path, error)),
+        Err(Stop::Visitor(reason)) => return Err(damaged(path, reason)),
+    }
+    // Where time does not tell them apart, the file's order stays.
+    known.messages.sort_by_key(|Timed(_, time, _)| *time);
+    Ok(known.messages)
+}
+
+struct Known {
+    topics: BTreeMap<u16, usize>,
+    messages: Vec<Timed>,
+    bytes: u64,
+}
+
+impl Visit for Known {
+    type Error = String;
+
+    fn wants(&self, opcode: u8, channel: u16, _: u64) -> bool {
+        opcode == op::MESSAGE && self.topics.contains_key(&channel)
+    }
+
+    fn message(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), String> {
+        if let Some(topic) = self.topics.get(&header.channel_id) {
+            self.bytes += data.len() as u64;
+            if self.bytes > MOST {
+                return Err(format!(
+                    "its messages are over {MOST} bytes, more than is played"
+                ));
             }
-            Record::Message { header, data } => {
-                if let Some(Some(topic)) = topics.get(&header.channel_id) {
-                    // Never back, whatever the file says.
-                    let last = messages.last().map_or(0, |Timed(_, time, _)| *time);
-                    let time = header.log_time.max(last);
-                    messages.push(Timed(*topic, time, data.into_owned()));
-                }
-            }
-            _ => {}
+            self.messages
+                .push(Timed(*topic, header.log_time, data.to_vec()));
         }
         Ok(())
-    });
-    match read {
-        // What is before the cut is whole.
-        Ok(()) | Err(Stop::Cut(_)) => Ok(messages),
-        Err(Stop::Error(error)) => Err(error),
+    }
+
+    fn record(&mut self, _: Record<'_>) -> Result<(), String> {
+        Ok(())
     }
 }

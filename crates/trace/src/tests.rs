@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::{
-    Behind, ChoiceRecord, EndRecord, Episode, EpisodeWriter, OutcomeRecord, Recorder, Scene,
+    Behind, ChoiceRecord, EndRecord, Episode, EpisodeWriter, Onto, OutcomeRecord, Recorder, Scene,
     StartRecord, StepRecord, Still, recover,
 };
 
@@ -96,6 +96,27 @@ fn end(steps: u32) -> EndRecord {
         observation: numbers(steps, 0),
         bodies: record(steps).bodies,
     }
+}
+
+/// A whole episode's bytes, a chunk for each five steps.
+pub(crate) fn episode_bytes(steps: u32) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("episode.mcap");
+    let mut writer =
+        EpisodeWriter::begin(&path, part_of(&path), &meta(), still(), &start()).unwrap();
+    for step in 0..steps {
+        if step % 10 == 0 {
+            if step > 0 {
+                writer.outcome(&outcome(step)).unwrap();
+            }
+            writer.choice(choice(step)).unwrap();
+        }
+        writer.step(&record(step)).unwrap();
+        if step % 5 == 4 {
+            writer.flush().unwrap();
+        }
+    }
+    fs::read(writer.end(&end(steps)).unwrap()).unwrap()
 }
 
 fn part_of(path: &Path) -> PathBuf {
@@ -216,7 +237,7 @@ fn of_an_episode_that_was_cut_off_the_whole_chunks_are_recovered() {
         assert!(trace.cut.is_some() && trace.outcome.is_none());
         assert_eq!((trace.meta, trace.steps.len()), (meta(), 25));
         assert!(read_whole(&part).is_err(), "it is not whole");
-        let recovered = recover(&part, &path).unwrap();
+        let recovered = recover(&part, &path, Onto::Nothing).unwrap();
         assert_eq!((recovered.steps, recovered.cut.is_some()), (25, true));
         let trace = read_whole(&path).unwrap();
         assert_eq!(trace.steps[24].observation, record(24).observation);
@@ -226,7 +247,7 @@ fn of_an_episode_that_was_cut_off_the_whole_chunks_are_recovered() {
     // A whole one stays what it is.
     write(&path, 15).end(&end(15)).unwrap();
     let copy = folder.path().join("copy.mcap");
-    assert_eq!(recover(&path, &copy).unwrap().cut, None);
+    assert_eq!(recover(&path, &copy, Onto::Nothing).unwrap().cut, None);
     assert_eq!(read_whole(&path).unwrap(), read_whole(&copy).unwrap());
 }
 
@@ -260,7 +281,7 @@ fn damage_is_an_error_never_a_panic() {
         assert!(read_whole(&damaged).is_err(), "cut at {i}/64");
         // Whatever says how the episode starts can be recovered.
         let starts = read(&damaged).is_ok_and(|trace| trace.start.is_some());
-        assert_eq!(starts, recover(&damaged, &again).is_ok());
+        assert_eq!(starts, recover(&damaged, &again, Onto::Anything).is_ok());
     }
     // A flipped bit outside of what checksums cover may pass, but never kill.
     let mut caught = 0;
@@ -269,7 +290,7 @@ fn damage_is_an_error_never_a_panic() {
         bytes[whole.len() * i / 400] ^= 1 << (i % 8);
         fs::write(&damaged, &bytes).unwrap();
         caught += u32::from(read_whole(&damaged).is_err());
-        let _ = recover(&damaged, &again);
+        let _ = recover(&damaged, &again, Onto::Anything);
     }
     assert!(caught > 390, "{caught} of 400");
     fs::write(&damaged, vec![0xff; 4096]).unwrap();

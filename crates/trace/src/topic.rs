@@ -1,11 +1,16 @@
 //! The topics of a trace.
 
+use std::collections::BTreeMap;
+
 use foxglove::messages::{
     FrameTransforms, Log, PointCloud, PoseInFrame, PosesInFrame, SceneUpdate,
 };
 use foxglove::{Encode, Schema};
+use mcap::records::Channel;
+use prost::Message;
 
 use crate::message::{self, Choice, EdgeOutcome, End, Start, Step};
+use crate::scan;
 
 /// What a message is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,6 +94,35 @@ impl Topic {
             Self::Outcome => Some(EdgeOutcome::schema()),
             Self::End => Some(End::schema()),
             Self::Log => Log::get_schema(),
+        }
+    }
+
+    /// The topic of a channel; none of one that another program wrote, even under the same name.
+    pub(crate) fn of(channel: &Channel, schemas: &BTreeMap<u16, scan::Schema>) -> Option<Self> {
+        let topic = Self::ALL.into_iter().find(|t| t.name() == channel.topic)?;
+        let schema = schemas.get(&channel.schema_id);
+        let same = |told: &scan::Schema| topic.schema().is_some_and(|own| own.name == told.name);
+        let own = channel.message_encoding == "protobuf" && schema.is_none_or(same);
+        own.then_some(topic)
+    }
+
+    /// Whether bytes are a message of the topic.
+    pub(crate) fn decodes(self, data: &[u8]) -> bool {
+        match self {
+            Self::Maze | Self::Ant | Self::ChoiceScene | Self::Graph => {
+                SceneUpdate::decode(data).is_ok()
+            }
+            Self::Nodes | Self::Path => PosesInFrame::decode(data).is_ok(),
+            Self::Structure => message::Graph::decode(data).is_ok(),
+            Self::WallPoints | Self::AntPoints => PointCloud::decode(data).is_ok(),
+            Self::Transforms => FrameTransforms::decode(data).is_ok(),
+            Self::Goal | Self::Subgoal => PoseInFrame::decode(data).is_ok(),
+            Self::Start => Start::decode(data).is_ok(),
+            Self::Step => Step::decode(data).is_ok(),
+            Self::Choice => Choice::decode(data).is_ok(),
+            Self::Outcome => EdgeOutcome::decode(data).is_ok(),
+            Self::End => End::decode(data).is_ok(),
+            Self::Log => Log::decode(data).is_ok(),
         }
     }
 }

@@ -33,7 +33,7 @@ const STEP_NANOSECONDS: u64 = 100_000_000;
 const TRAIL: [u32; 3] = [10, 10, 100];
 /// Made once: it counts processors, which is as much work as a hundred steps' records. LZ4 makes
 /// files a third larger than zstd at its fastest, for two fifths of the processor time.
-static OPTIONS: LazyLock<WriteOptions> = LazyLock::new(|| {
+pub(crate) static OPTIONS: LazyLock<WriteOptions> = LazyLock::new(|| {
     WriteOptions::new()
         .library(concat!("formica/", env!("CARGO_PKG_VERSION")))
         .chunk_size(Some(CHUNK_BYTES))
@@ -42,7 +42,7 @@ static OPTIONS: LazyLock<WriteOptions> = LazyLock::new(|| {
 const LAYOUT: &str = include_str!("layout.json");
 
 /// A file of mcap that is being written, renamed once it is whole.
-pub(crate) struct Output {
+struct Output {
     /// Where it goes, and what it is called until then.
     path: PathBuf,
     part: PathBuf,
@@ -51,7 +51,7 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    pub(crate) fn create(path: &Path, part: PathBuf) -> Result<Self, TraceError> {
+    fn create(path: &Path, part: PathBuf) -> Result<Self, TraceError> {
         let io = |source| TraceError::Io {
             path: path.display().to_string(),
             source,
@@ -67,7 +67,7 @@ impl Output {
     }
 
     /// One failure is the last: what follows would be a trace with a hole.
-    pub(crate) fn with<T>(
+    fn with<T>(
         &mut self,
         work: impl FnOnce(&mut Writer<BufWriter<File>>) -> mcap::McapResult<T>,
     ) -> Result<T, TraceError> {
@@ -82,7 +82,7 @@ impl Output {
 
     /// Puts the file in its place, whole. It is not synced, which costs more than all else: a power
     /// loss may take the newest traces along, a killed process does not.
-    pub(crate) fn finish(mut self) -> Result<PathBuf, TraceError> {
+    fn finish(mut self) -> Result<PathBuf, TraceError> {
         self.with(|writer| writer.finish().map(drop))?;
         let Some(writer) = self.writer.take() else {
             return Err(self.given_up());
@@ -97,7 +97,7 @@ impl Output {
         Ok(self.path)
     }
 
-    pub(crate) fn discard(mut self) {
+    fn discard(mut self) {
         self.writer = None;
         let _ = fs::remove_file(&self.part);
     }
