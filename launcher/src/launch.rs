@@ -19,6 +19,7 @@ use crate::interrupts::Interrupts;
 use crate::live::Live;
 use crate::metrics::Metrics;
 use crate::progress::{Progress, Scene, Statuses};
+use crate::resume::{self, Reopened, Resumed};
 use crate::saved::{Saved, Saver};
 use crate::stages::Times;
 use crate::throughput::Throughput;
@@ -53,6 +54,10 @@ struct Run<'c> {
     saver: Saver,
     /// Whether all weights are there.
     trained: bool,
+    /// Whether graph and weights are final.
+    settled: bool,
+    /// Whether all is done.
+    finished: bool,
     /// When the present part began.
     began: Instant,
     /// Versions of low, high and graph that the results are of.
@@ -94,20 +99,35 @@ pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
     host(config, &folder, saved, interrupts, plain)
 }
 
-/// Goes on with a run that was stopped, or whose launcher died.
-pub(crate) fn resume(name: &str, plain: bool) -> anyhow::Result<ExitCode> {
+/// Goes on with a run that was stopped, or whose launcher died, with `table.key` and value pairs
+/// laid over its config.
+pub(crate) fn resume(
+    name: &str,
+    sets: &[(String, String)],
+    plain: bool,
+) -> anyhow::Result<ExitCode> {
     let interrupts = Interrupts::listen()?;
     clear_dead();
-    let (folder, config) = folder::reopen(name)?;
-    check::resources(&config)?;
+    let Resumed {
+        folder,
+        config,
+        saved,
+        notes,
+    } = match resume::open(name, sets)? {
+        Reopened::Open(resumed) => *resumed,
+        Reopened::Finished(told) => {
+            println!("{told}");
+            return Ok(ExitCode::SUCCESS);
+        }
+    };
     recovery::sweep(&folder.path, config.topology.actors);
-    let saved = Saver::new(&folder.path).load().unwrap_or_default();
     println!(
         "run {} goes on after {:.0} s, with config {}",
         folder.path.display(),
         saved.seconds,
         config.hash()
     );
+    notes.iter().for_each(|note| println!("{note}"));
     host(&config, &folder, saved, interrupts, plain)
 }
 
@@ -162,11 +182,16 @@ fn host(
         directives: DirectivePublisher::new(&bus)?,
         directive: Directive {
             round: rounds_learned(config, folder),
+            // What is final shall not move again.
+            phase: match saved.settled && !config.run.deterministic {
+                true => Phase::Settle as u32,
+                false => Directive::default().phase,
+            },
             ..Directive::default()
         },
         reports: ReportReader::new(&bus)?,
         bus,
-        children: Children::new(folder, domain.id()),
+        children: Children::new(&std::path::absolute(folder)?, domain.id()),
         statuses: Statuses::new(),
         accounts: saved.accounts,
         throughput: Throughput::new(metrics.steps_before(), Instant::now()),
@@ -174,6 +199,8 @@ fn host(
         progress: &mut progress,
         saver: Saver::new(folder),
         trained: saved.trained,
+        settled: saved.settled,
+        finished: false,
         began: Instant::now()
             .checked_sub(since)
             .unwrap_or_else(Instant::now),
@@ -302,7 +329,11 @@ impl Run<'_> {
             }
             Phase::Settle => {
                 if self.settle()? {
-                    self.times.rollouts += lap(&mut self.began);
+                    let passed = lap(&mut self.began);
+                    if !self.settled {
+                        self.times.rollouts += passed;
+                    }
+                    self.settled = true;
                     self.evaluate()?;
                 }
             }
@@ -559,6 +590,8 @@ impl Run<'_> {
             since: self.began.elapsed().as_secs_f64(),
             evaluated: self.evaluated,
             results: self.results.iter().flatten().copied().collect(),
+            settled: self.settled,
+            finished: self.finished,
             restarts: self.restarts(),
             accounts: self.accounts.clone(),
         };
@@ -655,6 +688,8 @@ impl Run<'_> {
             self.progress.say(&table);
             self.progress.say(&score);
         }
+        self.finished = true;
+        self.save();
         self.progress
             .say(&format!("all of it is in {}", folder.display()));
         Ok(ExitCode::SUCCESS)

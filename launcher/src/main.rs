@@ -15,6 +15,7 @@ mod episode_picture;
 mod floor_plan;
 mod folder;
 mod groups;
+mod inputs;
 mod inspect;
 mod interrupts;
 mod launch;
@@ -27,7 +28,9 @@ mod recorded;
 mod recovery;
 mod replay;
 mod report;
+mod resume;
 mod role;
+mod runs;
 mod saved;
 mod score;
 mod stages;
@@ -58,8 +61,9 @@ enum Command {
     Launch {
         #[command(flatten)]
         config: LaunchArgs,
-        /// Go on with a run that was stopped or killed, by its name or folder
-        #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "sets"])]
+        /// Go on with a run that was stopped or killed, by its name or folder; --set changes what
+        /// does not shape its data, weights or graph
+        #[arg(long, value_name = "RUN", conflicts_with = "config")]
         resume: Option<String>,
         /// Say lines in a terminal too, instead of the live view
         #[arg(long)]
@@ -134,7 +138,8 @@ struct ConfigArgs {
 
 #[derive(clap::Args)]
 struct Over {
-    /// A value laid over the file's: --set table.key=value
+    /// A value laid over the file's: --set table.key=value. Relative paths in it and in the file
+    /// begin at the present folder; `~` and `$NAME` are filled in
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = pair)]
     sets: Vec<(String, String)>,
 }
@@ -154,11 +159,15 @@ fn main() -> ExitCode {
             (Some(path), _) => {
                 check::load(&path, &over.sets).and_then(|config| launch::launch(&config, plain))
             }
-            (None, Some(run)) => launch::resume(&run, plain),
+            (None, Some(run)) => launch::resume(&run, &over.sets, plain),
             (None, None) => Err(anyhow::anyhow!("name a run file, or a run to --resume")),
         },
-        Command::Check(args) => check::load(&args.config, &args.over.sets).map(|_| {
-            println!("{}: no fault found", args.config.display());
+        Command::Check(args) => check::load(&args.config, &args.over.sets).map(|config| {
+            println!(
+                "{}: no fault found; the run's name is {}",
+                args.config.display(),
+                config.run.name
+            );
             ExitCode::SUCCESS
         }),
         Command::Collect(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
@@ -182,7 +191,9 @@ fn main() -> ExitCode {
         Command::Recover { trace, out } => recovery::run(&trace, out.as_deref()),
         Command::Report(args) => report::run(&args),
         Command::Doctor => doctor::doctor(),
-        Command::Actor(args) => role::run(|stop| actor::run(&args, stop)),
+        Command::Actor(args) => {
+            runs::resolve(args).and_then(|args| role::run(|stop| actor::run(&args, stop)))
+        }
         Command::Learner(args) => role::run(|stop| learner::run(&args, stop)),
         Command::GraphBuilder(args) => role::run(|stop| graph_builder::run(&args, stop)),
     };
