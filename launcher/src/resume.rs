@@ -50,9 +50,7 @@ pub(crate) fn open(given: &str, sets: &Sets) -> anyhow::Result<Reopened> {
     );
     let lock = folder::lock(&path)?;
     let made = made_with(&path)?;
-    let known = Inputs::read(&path);
-    let (sets, mut notes) = with_moved(&path, sets, &known)?;
-    let config = load(&path, &sets, &made, &known)?;
+    let config = load(&path, sets, &made, |_| vec![])?;
     let changes = config.changes(&made);
     let lost = !path.join("checkpoints").is_dir();
     let mut saved = Saver::new(&path).load().unwrap_or_default();
@@ -62,6 +60,16 @@ pub(crate) fn open(given: &str, sets: &Sets) -> anyhow::Result<Reopened> {
             return Ok(Reopened::Finished(finished(&path, &changes)?));
         }
     }
+    let known = Inputs::read(&path);
+    let (sets, mut notes) = with_moved(&path, &config, sets, &known);
+    let available = wire::shared_memory_available()?;
+    let config = load(&path, &sets, &made, |config| {
+        let mut faults = inputs_faults(config, &known);
+        let machine = check::further(config, available).into_iter();
+        faults.extend(machine.map(|(key, told)| (key.to_owned(), told)));
+        faults
+    })?;
+    let changes = config.changes(&made);
     folder::make_parts(&path)?;
     if lost {
         notes.push(format!(
@@ -160,15 +168,12 @@ fn read(file: &Path, run: &Path) -> Result<Config, Faults> {
 /// and words for the user about them.
 fn with_moved(
     path: &Path,
+    config: &Config,
     sets: &Sets,
     known: &Inputs,
-) -> anyhow::Result<(Vec<(String, String)>, Vec<String>)> {
+) -> (Vec<(String, String)>, Vec<String>) {
     let (mut sets, mut notes) = (sets.to_vec(), vec![]);
-    // Faults are told by the load that counts.
-    let Ok(config) = read(&path.join("config.toml"), path) else {
-        return Ok((sets, notes));
-    };
-    for (key, input) in inputs::paths(&config) {
+    for (key, input) in inputs::paths(config) {
         let given = sets.iter().any(|(set, _)| set == key);
         if given || input.exists() {
             continue;
@@ -179,42 +184,37 @@ fn with_moved(
             sets.push((key.to_owned(), there.replace('$', "$$")));
         }
     }
-    Ok((sets, notes))
+    (sets, notes)
 }
 
-/// The config to go on with: every fault of it at once.
-fn load(path: &Path, sets: &Sets, made: &Config, known: &Inputs) -> anyhow::Result<Config> {
-    let available = wire::shared_memory_available()?;
+/// The config to go on with; every fault of it at once, `further` ones included.
+fn load(
+    path: &Path,
+    sets: &Sets,
+    made: &Config,
+    further: impl FnOnce(&Config) -> Vec<(String, String)>,
+) -> Result<Config, Faults> {
     let file = path.join("config.toml");
     let loaded = Config::load_of_run(&file, path, sets, |config| {
-        let mut faults: Vec<(String, String)> = vec![];
-        for change in config.changes(made) {
-            if change.on_resume == OnResume::Fixed {
-                faults.push((change.key.clone(), refused(&change)));
-            }
-        }
-        for (key, input) in inputs::paths(config) {
-            if let Err(told) = input_is_sound(key, input, known) {
-                faults.push((key.to_owned(), told));
-            }
-        }
-        let machine = check::further(config, available).into_iter();
-        faults.extend(machine.map(|(key, told)| (key.to_owned(), told)));
+        let changes = config.changes(made).into_iter();
+        let fixed = changes.filter(|change| change.on_resume == OnResume::Fixed);
+        let mut faults: Vec<(String, String)> = fixed
+            .map(|change| (change.key.clone(), refused(&change)))
+            .collect();
+        faults.extend(further(config));
         faults
     });
-    let mut faults = match loaded {
-        Ok(config) => return Ok(config),
-        Err(faults) => faults,
-    };
-    let damaged = faults.faults.iter().any(|fault| fault.key.is_empty());
-    let made = folder::made(path);
-    if damaged && made.is_file() {
-        faults.note(format!(
-            "the run's states were made with {}",
-            made.display()
-        ));
-    }
-    Err(faults.into())
+    loaded.map_err(|mut faults| {
+        let damaged = faults.faults.iter().any(|fault| fault.key.is_empty());
+        let made = folder::made(path);
+        if damaged && made.is_file() {
+            faults.note(format!(
+                "the run's states were made with {}",
+                made.display()
+            ));
+        }
+        faults
+    })
 }
 
 fn refused(change: &Change) -> String {
@@ -227,12 +227,18 @@ fn refused(change: &Change) -> String {
     )
 }
 
-fn input_is_sound(key: &str, input: &Path, known: &Inputs) -> Result<(), String> {
-    if !input.exists() {
-        return Err(format!(
-            "there is no '{}' any more; name where it is now, `--set {key}=PATH`",
-            input.display()
-        ));
+/// What is wrong with the files that the run reads.
+fn inputs_faults(config: &Config, known: &Inputs) -> Vec<(String, String)> {
+    let mut faults = vec![];
+    for (key, input) in inputs::paths(config) {
+        let told = match input.exists() {
+            true => known.compare(key, input).err(),
+            false => Some(format!(
+                "there is no '{}' any more; name where it is now, `--set {key}=PATH`",
+                input.display()
+            )),
+        };
+        faults.extend(told.map(|told| (key.to_owned(), told)));
     }
-    known.compare(key, input)
+    faults
 }

@@ -21,8 +21,8 @@ fn line() -> impl Strategy<Value = String> {
     };
     let path = |key: &'static str| {
         // Of variables, one is set wherever this runs.
-        "[a-zA-Zäé ~$.'-]{0,6}(\\$PATH|/)[a-z\"$]{1,6}".prop_map(move |path| {
-            let path = path.replace('$', "$$").replace("$$PATH", "$PATH");
+        "[a-zA-Zäé ~$.'-]{0,6}(\\$\\{PATH\\}|/)[a-z\"$]{1,6}".prop_map(move |path| {
+            let path = path.replace('$', "$$").replace("$${PATH}", "${PATH}");
             let path = path.trim_start_matches('~').to_owned();
             format!("{key} = {}", toml::Value::String(path))
         })
