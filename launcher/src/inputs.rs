@@ -181,7 +181,7 @@ fn add(print: &mut Print, path: &Path) -> std::io::Result<()> {
     for i in 0..blocks {
         let at = match length <= WHOLE {
             true => i * block,
-            false => last / (blocks - 1) * i,
+            false => last * i / (blocks - 1),
         };
         file.seek(SeekFrom::Start(at))?;
         let mut bytes = vec![];

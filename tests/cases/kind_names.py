@@ -18,7 +18,7 @@ def the_name_of_any_file_gives_a_sound_name(bench):
     path = os.fsencode(bench.folder) + b"/\xff\xfe.toml"
     with open(path, "w") as file:
         file.write(QUICK)
-    bench.formica("check", os.fsdecode(path)).fails(2, "run.name", "set run.name")
+    bench.formica("check", os.fsdecode(path)).fails(2, "so set run.name")
 
 
 @case("wandb#1293")

@@ -339,7 +339,10 @@ impl Table<'_, '_> {
             && self.document.faults.len() == before
             && let Err(why) = names::check(&name)
         {
-            let message = format!("the file's name '{}' gives none: {why}", shown(stem));
+            let message = format!(
+                "the file's name '{}' gives none, so set run.name: {why}",
+                shown(stem)
+            );
             self.fault(key, message);
         }
         name
