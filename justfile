@@ -52,6 +52,10 @@ fuzz target:
     mkdir -p fuzz/found/{{target}}
     RUSTC_BOOTSTRAP=1 cargo fuzz run {{target}} --sanitizer none fuzz/found/{{target}} fuzz/corpus/{{target}} -- -max_len=16384 -max_total_time=600
 
+# 100,000 run files changed at random, through the whole of a check
+fuzz-config cases="100000":
+    FORMICA_FUZZ_CASES={{cases}} cargo test --package launcher check::fuzz -- --nocapture
+
 # Five seeds in a maze, their scores and the picture of their learning curves
 seeds maze="large":
     for seed in 0 1 2 3 4; do \

@@ -56,7 +56,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
         (None, Some(domain), Some(folder)) => (folder.clone(), RunDomain::open(domain)?),
         _ => anyhow::bail!("give --attach RUN; --domain and --folder are for launch"),
     };
-    let config = Config::load(&folder.join("config.toml"), &[])?;
+    let config = Config::of_run(&folder)?;
     let layout = layout(&config)?;
     let stopped = || stop.load(Ordering::Relaxed);
     let attached = args.attach.is_some();

@@ -43,7 +43,7 @@ pub struct Args {
 /// A run that is not there, a channel that cannot be used, a config or data set that cannot be
 /// read, data that make no graph.
 pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
-    let config = Config::load(&args.folder.join("config.toml"), &[])?;
+    let config = Config::of_run(&args.folder)?;
     let domain = RunDomain::open(&args.domain)?;
     let bus = Bus::join(&domain, "graph-builder")?;
     let reporter = Reporter::new(&bus)?;

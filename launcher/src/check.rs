@@ -85,25 +85,30 @@ fn changes(made: &Made, wanted: &Made) -> Vec<String> {
 /// shared memory holds the run.
 pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Config> {
     let available = wire::shared_memory_available()?;
-    let config = Config::load_with(path, sets, |config| {
-        let mut faults = vec![];
-        match actor::layout(config) {
-            Err(error) => faults.push(("maze.rows", error.root_cause().to_string())),
-            Ok(layout) => {
-                let cells = layout.free_cells();
-                let stray = |cell: &&[usize; 2]| !cells.contains(&(cell[0], cell[1]));
-                if let Some(cell) = config.dataset.leave_out.iter().find(stray) {
-                    let message = format!("{cell:?} is no free cell of the maze");
-                    faults.push(("dataset.leave_out", message));
-                }
+    let paths = config::Paths::default();
+    let config = Config::load_with(path, sets, paths, |config| further(config, available))?;
+    Ok(config)
+}
+
+/// What is wrong with a config beyond what its file tells, by `table.key`: the maze's map, and
+/// whether the shared memory that is available (bytes) holds the run.
+pub(crate) fn further(config: &Config, available: u64) -> Vec<(&'static str, String)> {
+    let mut faults = vec![];
+    match actor::layout(config) {
+        Err(error) => faults.push(("maze.rows", error.root_cause().to_string())),
+        Ok(layout) => {
+            let cells = layout.free_cells();
+            let stray = |cell: &&[usize; 2]| !cells.contains(&(cell[0], cell[1]));
+            if let Some(cell) = config.dataset.leave_out.iter().find(stray) {
+                let message = format!("{cell:?} is no free cell of the maze");
+                faults.push(("dataset.leave_out", message));
             }
         }
-        if let Some(message) = too_little(config, available) {
-            faults.push(("topology.window", message));
-        }
-        faults
-    })?;
-    Ok(config)
+    }
+    if let Some(message) = too_little(config, available) {
+        faults.push(("topology.window", message));
+    }
+    faults
 }
 
 /// What is wrong where shared memory does not hold the run.
@@ -173,3 +178,6 @@ pub(crate) fn limits(config: &Config) -> Limits {
         },
     }
 }
+
+#[cfg(test)]
+mod fuzz;

@@ -1,26 +1,29 @@
 //! A run's folder.
 
 use std::fs::{self, DirBuilder, File, OpenOptions};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::io::Write;
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use config::Config;
+use rustix::fs::{Access, access};
 
-use crate::recorded;
+use crate::inputs::Inputs;
+use crate::runs;
 
 /// A run's folder, which one launcher at a time works in.
 pub(crate) struct RunFolder {
     pub(crate) path: PathBuf,
     /// Held locked.
-    _lock: File,
+    pub(crate) _lock: File,
 }
 
 /// Makes `runs/NAME`, or `runs/NAME-2` and so on where there is one, with its config, and points
 /// `runs/latest` to it. Its owner alone may read it.
 pub(crate) fn create(config: &Config) -> anyhow::Result<RunFolder> {
-    let runs = Path::new("runs");
-    fs::create_dir_all(runs).context("making the folder 'runs'")?;
+    let all = Path::new("runs");
+    fs::create_dir_all(all).context("making the folder 'runs'")?;
     let mut private = DirBuilder::new();
     private.mode(0o700);
     let mut number = 1;
@@ -29,7 +32,7 @@ pub(crate) fn create(config: &Config) -> anyhow::Result<RunFolder> {
             1 => config.run.name.clone(),
             _ => format!("{}-{number}", config.run.name),
         };
-        let folder = runs.join(name);
+        let folder = all.join(name);
         match private.create(&folder) {
             Ok(()) => break folder,
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => number += 1,
@@ -37,43 +40,50 @@ pub(crate) fn create(config: &Config) -> anyhow::Result<RunFolder> {
         }
     };
     let lock = lock(&path)?;
-    for part in ["checkpoints", "logs", "traces"] {
-        private.create(path.join(part))?;
+    make_parts(&path)?;
+    write_config(config, &path)?;
+    Inputs::note(config, &path)?;
+    if let Some(told) = runs::point(&path) {
+        let _ = writeln!(std::io::stderr(), "formica: {told}");
     }
-    write(&path.join("config.toml"), config.resolved().as_bytes())?;
-    point(runs, &path);
     Ok(RunFolder { path, _lock: lock })
 }
 
-/// The folder of a run that was stopped, by its name or path, and its config.
-pub(crate) fn reopen(name: &str) -> anyhow::Result<(RunFolder, Config)> {
-    let path = recorded::find(Path::new(name))?;
-    // Not as a link that may come to point elsewhere.
-    let path = fs::canonicalize(&path)
-        .ok()
-        .and_then(|whole| {
-            let here = std::env::current_dir().ok()?;
-            whole.strip_prefix(here).ok().map(Path::to_path_buf)
-        })
-        .unwrap_or(path);
-    let (owner, own) = (
-        fs::metadata(&path)?.uid(),
-        rustix::process::getuid().as_raw(),
-    );
-    anyhow::ensure!(
-        owner == own,
-        "the run in {} belongs to the user with number {owner}, this is number {own}",
-        path.display()
-    );
-    let config = Config::load(&path.join("config.toml"), &[])?;
-    let lock = lock(&path)?;
-    if let Some(runs) = path.parent().filter(|runs| runs.ends_with("runs")) {
-        point(runs, &path);
+/// The parts of a run's folder, made where they are missing.
+pub(crate) fn make_parts(folder: &Path) -> anyhow::Result<()> {
+    let mut private = DirBuilder::new();
+    private.mode(0o700);
+    for part in ["checkpoints", "logs", "traces"] {
+        let path = folder.join(part);
+        if !path.is_dir() {
+            private
+                .create(&path)
+                .with_context(|| format!("making {}", path.display()))?;
+        }
+        access(&path, Access::WRITE_OK | Access::EXEC_OK)
+            .with_context(|| format!("{} cannot be written in", path.display()))?;
     }
-    Ok((RunFolder { path, _lock: lock }, config))
+    Ok(())
 }
 
-fn lock(folder: &Path) -> anyhow::Result<File> {
+/// Where the config that a run's states were made with is kept.
+pub(crate) fn made(folder: &Path) -> PathBuf {
+    folder.join("checkpoints").join("config.toml")
+}
+
+/// Writes a run's config, and that its states are made with it.
+pub(crate) fn write_config(config: &Config, folder: &Path) -> anyhow::Result<()> {
+    for path in [folder.join("config.toml"), made(folder)] {
+        let text = config.resolved().as_bytes();
+        // What is the same stays untouched.
+        if !fs::read(&path).is_ok_and(|bytes| bytes == text) {
+            write(&path, text)?;
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn lock(folder: &Path) -> anyhow::Result<File> {
     let path = folder.join("lock");
     let lock = OpenOptions::new()
         .write(true)
@@ -91,15 +101,6 @@ fn lock(folder: &Path) -> anyhow::Result<File> {
         Err(fs::TryLockError::Error(error)) => {
             Err(error).with_context(|| format!("locking {}", path.display()))
         }
-    }
-}
-
-/// Points `latest` to a run.
-fn point(runs: &Path, folder: &Path) {
-    let link = runs.join("latest");
-    let _ = fs::remove_file(&link);
-    if let Some(name) = folder.file_name() {
-        let _ = std::os::unix::fs::symlink(name, &link);
     }
 }
 

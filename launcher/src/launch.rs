@@ -10,7 +10,9 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use config::{Config, Kind};
-use wire::{Bus, Directive, DirectivePublisher, EpisodeResult, ReportReader, Role, RunDomain};
+use wire::{
+    Bus, Directive, DirectivePublisher, EpisodeResult, Phase, ReportReader, Role, RunDomain,
+};
 
 use crate::accounts::Accounts;
 use crate::children::{Children, Failure};
@@ -20,6 +22,7 @@ use crate::live::Live;
 use crate::metrics::Metrics;
 use crate::output;
 use crate::progress::{Progress, Statuses};
+use crate::resume::{self, Reopened, Resumed};
 use crate::saved::{Saved, Saver};
 use crate::stages::Times;
 use crate::throughput::Throughput;
@@ -48,6 +51,10 @@ struct Run<'c> {
     saver: Saver,
     /// Whether all weights are there.
     trained: bool,
+    /// Whether graph and weights are final.
+    settled: bool,
+    /// Whether all is done.
+    finished: bool,
     /// When the present part began.
     began: Instant,
     /// Versions of low, high and graph that the results are of.
@@ -92,21 +99,37 @@ pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
     host(config, &folder, saved, interrupts, plain)
 }
 
-/// Goes on with a run that was stopped, or whose launcher died.
-pub(crate) fn resume(name: &str, plain: bool) -> anyhow::Result<ExitCode> {
+/// Goes on with a run that was stopped, or whose launcher died, with `table.key` and value pairs
+/// laid over its config.
+pub(crate) fn resume(
+    name: &str,
+    sets: &[(String, String)],
+    plain: bool,
+) -> anyhow::Result<ExitCode> {
     output::detach();
     let interrupts = Interrupts::listen()?;
     clear_dead();
-    let (folder, config) = folder::reopen(name)?;
+    let Resumed {
+        folder,
+        config,
+        saved,
+        notes,
+    } = match resume::open(name, sets)? {
+        Reopened::Open(resumed) => *resumed,
+        Reopened::Finished(told) => {
+            say!("{told}");
+            return Ok(ExitCode::SUCCESS);
+        }
+    };
     check::resources(&config)?;
     recovery::sweep(&folder.path, config.topology.actors);
-    let saved = Saver::new(&folder.path).load().unwrap_or_default();
     say!(
         "run {} goes on after {:.0} s, with config {}",
         folder.path.display(),
         saved.seconds,
         config.hash()
     );
+    notes.iter().for_each(|note| say!("{note}"));
     host(&config, &folder, saved, interrupts, plain)
 }
 
@@ -167,11 +190,16 @@ fn host(
         directives: DirectivePublisher::new(&bus)?,
         directive: Directive {
             round: rounds_learned(config, folder),
+            // What is final shall not move again.
+            phase: match saved.settled && !config.run.deterministic {
+                true => Phase::Settle as u32,
+                false => Directive::default().phase,
+            },
             ..Directive::default()
         },
         reports: ReportReader::new(&bus)?,
         bus,
-        children: Children::new(folder, domain.id()),
+        children: Children::new(&std::path::absolute(folder)?, domain.id()),
         statuses: Statuses::new(),
         accounts: saved.accounts,
         throughput: Throughput::new(metrics.steps_before(), Instant::now()),
@@ -179,6 +207,8 @@ fn host(
         progress: &mut progress,
         saver: Saver::new(folder),
         trained: saved.trained,
+        settled: saved.settled,
+        finished: false,
         began: Instant::now()
             .checked_sub(since)
             .unwrap_or_else(Instant::now),

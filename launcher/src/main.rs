@@ -21,6 +21,7 @@ mod figure;
 mod floor_plan;
 mod folder;
 mod groups;
+mod inputs;
 mod inspect;
 mod interrupts;
 mod launch;
@@ -33,7 +34,9 @@ mod recorded;
 mod recovery;
 mod replay;
 mod report;
+mod resume;
 mod role;
+mod runs;
 mod saved;
 mod score;
 mod stages;
@@ -77,8 +80,9 @@ enum Command {
     Launch {
         #[command(flatten)]
         config: LaunchArgs,
-        /// Go on with a run that was stopped or killed, by its name or folder
-        #[arg(long, value_name = "RUN", conflicts_with_all = ["config", "sets"])]
+        /// Go on with a run that was stopped or killed, by its name or folder; --set changes what
+        /// does not shape its data, weights or graph
+        #[arg(long, value_name = "RUN", conflicts_with = "config")]
         resume: Option<String>,
         /// Say lines in a terminal too, instead of the live view
         #[arg(long)]
@@ -154,7 +158,8 @@ struct ConfigArgs {
 
 #[derive(clap::Args)]
 struct Over {
-    /// A value laid over the file's: --set table.key=value
+    /// A value laid over the file's: --set table.key=value. Relative paths in it and in the file
+    /// begin at the present folder; `~` and `$NAME` are filled in
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = pair)]
     sets: Vec<(String, String)>,
 }
@@ -204,13 +209,17 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
                     launch::launch(&config, plain)
                 })
             }
-            (None, Some(run)) => launch::resume(&run, plain),
+            (None, Some(run)) => launch::resume(&run, &over.sets, plain),
             (None, None) => Err(anyhow::anyhow!("name a run file, or a run to --resume")),
         },
         Command::Check(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
             check::resources(&config)?;
             check::data(&config)?;
-            say!("{}: no fault found", args.config.display());
+            say!(
+                "{}: no fault found; the run's name is {}",
+                args.config.display(),
+                config.run.name
+            );
             Ok(ExitCode::SUCCESS)
         }),
         Command::Collect(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
@@ -237,6 +246,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Actor(args) => {
             output::detach();
+            let args = runs::resolve(args)?;
             role::run(args.attach.is_none(), |stop| actor::run(&args, stop))
         }
         Command::Learner(args) => role::run(true, |stop| learner::run(&args, stop)),

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail, ensure};
 
 use crate::metrics::METRICS_HEADER;
+pub(crate) use crate::runs::find;
 
 /// Values beyond it are a divergence that no axis shows; their squares would overflow.
 const DRAWABLE: f64 = 1e100;
@@ -50,10 +51,8 @@ impl Recorded {
             Some(bytes) => parse_metrics(&bytes, &path)?,
             None => Metrics::new(),
         };
-        let path = folder.join("score.json");
-        let score = if_there(&path)?.map(|bytes| parse_score(&bytes, &path));
         Ok(Self {
-            score: score.transpose()?,
+            score: score(&folder)?,
             folder,
             name,
             seed,
@@ -103,21 +102,6 @@ pub(crate) fn if_there(path: &Path) -> anyhow::Result<Option<Vec<u8>>> {
 
 fn reading(path: &Path) -> String {
     format!("reading {}", path.display())
-}
-
-/// The folder of a run that was given as such or by its name under `runs`.
-pub(crate) fn find(given: &Path) -> anyhow::Result<PathBuf> {
-    let under = Path::new("runs").join(given);
-    let is_run = |folder: &&Path| folder.join("config.toml").is_file();
-    match [given, &under].into_iter().find(is_run) {
-        Some(folder) => Ok(folder.to_owned()),
-        None => bail!(
-            "there is no run {}: neither it nor {} is a folder with the config.toml that \
-             `formica launch` writes",
-            given.display(),
-            under.display()
-        ),
-    }
 }
 
 /// The runs that were given, each once.
@@ -228,6 +212,13 @@ pub(crate) fn parse_row(line: &str) -> Option<(f64, &str, f64)> {
     let whole = fields.next().is_none() && !role.is_empty() && !name.is_empty();
     let in_time = (0.0..=DRAWABLE).contains(&seconds);
     (whole && in_time).then_some((seconds, name, value))
+}
+
+/// The score in a run's folder, once there is one.
+pub(crate) fn score(folder: &Path) -> anyhow::Result<Option<f64>> {
+    let path = folder.join("score.json");
+    let score = if_there(&path)?.map(|bytes| parse_score(&bytes, &path));
+    score.transpose()
 }
 
 fn parse_score(bytes: &[u8], path: &Path) -> anyhow::Result<f64> {

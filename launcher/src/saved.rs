@@ -27,6 +27,12 @@ pub(crate) struct Saved {
     pub(crate) evaluated: [u64; 3],
     /// Of the evaluation.
     pub(crate) results: Vec<EpisodeResult>,
+    /// Whether the graph and the weights on it are final: only the evaluation is left.
+    #[serde(default)]
+    pub(crate) settled: bool,
+    /// Whether all is done.
+    #[serde(default)]
+    pub(crate) finished: bool,
     /// Processes started again.
     pub(crate) restarts: usize,
     /// Of the actors.

@@ -38,7 +38,7 @@ pub struct Args {
 /// A run that is not there, a channel that cannot be used, a config or data set that cannot be
 /// read.
 pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
-    let config = Config::load(&args.folder.join("config.toml"), &[])?;
+    let config = Config::of_run(&args.folder)?;
     let domain = RunDomain::open(&args.domain)?;
     let bus = Bus::join(&domain, "learner")?;
     match config.run.kind {

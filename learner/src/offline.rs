@@ -566,7 +566,8 @@ impl<'c> Learner<'c> {
         };
         s.set_text(&text);
         let trained = self.trained == [true; 2];
-        s.state = if self.settled {
+        // A low level that goes on from a state may come after a high level that had settled.
+        s.state = if self.settled && trained {
             State::Settled
         } else if trained {
             State::Trained

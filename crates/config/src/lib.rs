@@ -1,25 +1,45 @@
 //! The run file: parsed, checked as a whole (all faults at once, each with its line), resolved.
 
+mod fault;
+mod names;
+mod paths;
 mod read;
 mod reader;
+mod resume;
 mod sections;
+mod syntax;
+#[cfg(test)]
+mod tests;
+mod text;
+mod value;
 
 use std::path::Path;
 
-pub use reader::{Fault, Faults};
+pub use fault::{Fault, Faults};
+pub use resume::{Change, OnResume};
 pub use sections::{
     Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
     Knowledge, Latent, Low, Maze, Misfit, Planner, Rollouts, Run, Seeding, Supervision, Topology,
     Traces, WalkerTraining,
 };
 
+/// How the paths in a run file are taken.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Paths<'b> {
+    /// Where relative ones begin; the present folder without.
+    pub base: Option<&'b Path>,
+    /// Whether files that they name need not be there.
+    pub lenient: bool,
+}
+
 impl Config {
-    /// Reads a run file, with `table.key` and value pairs laid over it.
+    /// Reads a run file, with `table.key` and value pairs laid over it. Relative paths begin at
+    /// the present folder.
     ///
     /// # Errors
     /// Every fault of the file at once; an unreadable file is one fault.
     pub fn load(path: &Path, sets: &[(String, String)]) -> Result<Self, Faults> {
-        Self::load_with(path, sets, |_| vec![])
+        Self::load_with(path, sets, Paths::default(), none)
     }
 
     /// The same with `further` checks, of what the file alone does not tell: faults by
@@ -27,31 +47,56 @@ impl Config {
     ///
     /// # Errors
     /// Every fault of the file and of the further checks at once.
-    pub fn load_with(
+    pub fn load_with<K: AsRef<str>>(
         path: &Path,
         sets: &[(String, String)],
-        further: impl FnOnce(&Self) -> Vec<(&'static str, String)>,
+        paths: Paths<'_>,
+        further: impl FnOnce(&Self) -> Vec<(K, String)>,
     ) -> Result<Self, Faults> {
         let origin = path.display().to_string();
-        match std::fs::read_to_string(path) {
+        match text::read(path) {
             Ok(text) => {
-                let stem = path
-                    .file_stem()
-                    .map(|stem| stem.to_string_lossy().into_owned());
-                Self::parse_with(&text, &origin, &stem.unwrap_or_default(), sets, further)
+                let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+                Self::parse_with(&text, &origin, &stem, sets, paths, further)
             }
-            Err(error) => {
-                let message = format!("cannot be read: {error}");
-                Err(Faults {
-                    origin,
-                    faults: vec![Fault {
-                        line: 1,
-                        key: String::new(),
-                        message,
-                    }],
-                })
-            }
+            Err((0, message)) => Err(Faults::of_file(origin, message)),
+            Err((line, message)) => Err(Faults {
+                origin,
+                faults: vec![Fault {
+                    line,
+                    key: String::new(),
+                    message,
+                }],
+            }),
         }
+    }
+
+    /// Reads the config in a run's folder. Files that it names need not be there any more.
+    ///
+    /// # Errors
+    /// Every fault of the file at once.
+    pub fn of_run(folder: &Path) -> Result<Self, Faults> {
+        Self::load_of_run(&folder.join("config.toml"), folder, &[], none)
+    }
+
+    /// Reads a config of a run in a folder, as [`of_run`](Self::of_run) does, with `table.key` and
+    /// value pairs laid over it and `further` checks. Relative paths begin where the run was
+    /// launched: the folder that has `runs` in it.
+    ///
+    /// # Errors
+    /// Every fault of the file and of the further checks at once.
+    pub fn load_of_run<K: AsRef<str>>(
+        file: &Path,
+        folder: &Path,
+        sets: &[(String, String)],
+        further: impl FnOnce(&Self) -> Vec<(K, String)>,
+    ) -> Result<Self, Faults> {
+        let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+        let paths = Paths {
+            base: whole.ancestors().nth(2),
+            lenient: true,
+        };
+        Self::load_with(file, sets, paths, further)
     }
 
     /// Reads the text of a run file; `stem` names the run when the file does not.
@@ -64,31 +109,34 @@ impl Config {
         stem: &str,
         sets: &[(String, String)],
     ) -> Result<Self, Faults> {
-        Self::parse_with(text, origin, stem, sets, |_| vec![])
+        Self::parse_with(text, origin, stem, sets, Paths::default(), none)
     }
 
-    fn parse_with(
+    /// The same with [`Paths`] and `further` checks.
+    ///
+    /// # Errors
+    /// Every fault of the text and of the further checks at once.
+    pub fn parse_with<K: AsRef<str>>(
         text: &str,
         origin: &str,
         stem: &str,
         sets: &[(String, String)],
-        further: impl FnOnce(&Self) -> Vec<(&'static str, String)>,
+        paths: Paths<'_>,
+        further: impl FnOnce(&Self) -> Vec<(K, String)>,
     ) -> Result<Self, Faults> {
-        // A value that is no TOML by itself is a text: --set maze.layout=large.
-        let sets: Vec<(String, String)> = sets
-            .iter()
-            .map(|(key, value)| {
-                let line = format!("value = {value}");
-                let plain = toml::de::DeTable::parse(&line).is_ok();
-                let text = || format!("value = {}", toml::Value::String(value.clone()));
-                (key.clone(), if plain { line } else { text() })
-            })
-            .collect();
-        let mut document = reader::Document::new(text, &sets);
+        let lines = sets.iter().map(|(_, value)| format!("value = {value}"));
+        let lines: Vec<String> = lines.collect();
+        let mut document = reader::Document::new(text, sets, &lines);
+        if !document.faults.is_empty()
+            && let Some(message) = syntax::other_format(text, origin)
+        {
+            return Err(Faults::of_file(origin.to_owned(), message.to_owned()));
+        }
+        document.take_paths(paths);
         let mut config = read::read(&mut document, stem);
         config.resolved = std::mem::take(&mut document.resolved);
         for (path, message) in further(&config) {
-            document.fault_at(path, message);
+            document.fault_at(path.as_ref(), message);
         }
         document.order();
         if document.faults.is_empty() {
@@ -101,7 +149,8 @@ impl Config {
         }
     }
 
-    /// The whole file with every default written out; reading it gives this config again.
+    /// The whole file with every default written out and every path absolute; reading it gives this
+    /// config again, wherever it is read.
     #[must_use]
     pub fn resolved(&self) -> &str {
         &self.resolved
@@ -118,4 +167,9 @@ impl Config {
             });
         format!("{hash:016x}")
     }
+}
+
+/// No further checks.
+fn none(_: &Config) -> Vec<(&'static str, String)> {
+    vec![]
 }

@@ -1,117 +1,55 @@
 //! Reads one table of a run file key by key, and gathers every fault with its line.
 
 use std::collections::BTreeSet;
-use std::fmt;
+use std::path::{Path, PathBuf};
 
-use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// One thing that is wrong with a run file.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fault {
-    /// Line in the file, from 1; 0 for a value given by `--set`.
-    pub line: usize,
-    /// `table.key`, or empty for a syntax error.
-    pub key: String,
-    /// What is wrong and what would be right.
-    pub message: String,
+use crate::Paths;
+use crate::fault::{Fault, escaped, shown, unknown};
+use crate::resume;
+use crate::syntax;
+use crate::value::{Value, Whole};
+use crate::{names, paths};
+
+/// Items of a list of tables that are told as faults, and keys of a table.
+const MOST: usize = 50;
+
+/// A value given by `--set`.
+struct Set<'t> {
+    table: &'t str,
+    key: &'t str,
+    value: DeValue<'t>,
+    raw: &'t str,
 }
 
-/// All that is wrong with a run file.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub struct Faults {
-    /// The file's name.
-    pub origin: String,
-    /// In the order of lines.
-    pub faults: Vec<Fault>,
-}
-
-impl fmt::Display for Faults {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (i, fault) in self.faults.iter().enumerate() {
-            let gap = if i > 0 { "\n" } else { "" };
-            let separator = if fault.key.is_empty() { "" } else { ": " };
-            let Fault { line, key, message } = fault;
-            match line {
-                0 => write!(f, "{gap}--set {key}{separator}{message}")?,
-                _ => write!(f, "{gap}{}:{line}: {key}{separator}{message}", self.origin)?,
-            }
+impl<'t> Set<'t> {
+    fn of(table: &'t str, key: &'t str, line: &'t str, raw: &'t str) -> Self {
+        // What is no TOML by itself is a text: --set maze.layout=large.
+        let parsed = DeTable::parse(line).ok().map(toml::Spanned::into_inner);
+        let only = parsed.filter(|found| found.len() == 1);
+        let value = only.and_then(|found| found.into_iter().next());
+        let value = value.map(|(_, value)| value.into_inner());
+        Self {
+            table,
+            key,
+            value: value.unwrap_or_else(|| DeValue::String(raw.into())),
+            raw,
         }
-        Ok(())
     }
 }
 
-/// A type that a key's value can have.
-pub(crate) trait Value: Clone {
-    /// What it is called in a fault.
-    const NAME: &'static str;
-    fn read(value: &DeValue<'_>) -> Option<Self>;
-    fn write(&self) -> String;
+/// A path as it was given and made absolute.
+pub(crate) struct Given {
+    /// With `~` and variables filled in.
+    text: String,
+    pub(crate) path: String,
 }
 
-fn integer(value: &DeValue<'_>) -> Option<i128> {
-    let integer = value.as_integer()?;
-    i128::from_str_radix(integer.as_str(), integer.radix()).ok()
-}
-
-impl Value for usize {
-    const NAME: &'static str = "a whole number";
-    fn read(value: &DeValue<'_>) -> Option<Self> {
-        Self::try_from(integer(value)?).ok()
-    }
-    fn write(&self) -> String {
-        self.to_string()
-    }
-}
-
-impl Value for f64 {
-    const NAME: &'static str = "a number";
-    fn read(value: &DeValue<'_>) -> Option<Self> {
-        let number = match value {
-            DeValue::Float(float) => float.as_str().parse().ok()?,
-            _ => integer(value)? as Self,
-        };
-        number.is_finite().then_some(number)
-    }
-    fn write(&self) -> String {
-        format!("{self:?}")
-    }
-}
-
-impl Value for bool {
-    const NAME: &'static str = "true or false";
-    fn read(value: &DeValue<'_>) -> Option<Self> {
-        value.as_bool()
-    }
-    fn write(&self) -> String {
-        self.to_string()
-    }
-}
-
-impl Value for String {
-    const NAME: &'static str = "a text in quotes";
-    fn read(value: &DeValue<'_>) -> Option<Self> {
-        value.as_str().map(str::to_owned)
-    }
-    fn write(&self) -> String {
-        toml::Value::String(self.clone()).to_string()
-    }
-}
-
-impl<T: Value> Value for Vec<T> {
-    const NAME: &'static str = "a list";
-    fn read(value: &DeValue<'_>) -> Option<Self> {
-        value
-            .as_array()?
-            .iter()
-            .map(|item| T::read(item.get_ref()))
-            .collect()
-    }
-    fn write(&self) -> String {
-        format!(
-            "[{}]",
-            self.iter().map(Value::write).collect::<Vec<_>>().join(", ")
-        )
+impl Given {
+    /// The path as a message says it.
+    pub(crate) fn shown(&self) -> String {
+        escaped(&self.text)
     }
 }
 
@@ -119,7 +57,11 @@ impl<T: Value> Value for Vec<T> {
 pub(crate) struct Document<'t> {
     text: &'t str,
     root: DeTable<'t>,
-    sets: Vec<(String, String, DeTable<'t>)>,
+    sets: Vec<Set<'t>>,
+    /// Where relative paths begin; the present folder without.
+    base: Option<PathBuf>,
+    /// Whether files that it names need not be there.
+    lenient: bool,
     pub(crate) faults: Vec<Fault>,
     /// The resolved file, written as keys are read.
     pub(crate) resolved: String,
@@ -127,55 +69,65 @@ pub(crate) struct Document<'t> {
 }
 
 impl<'t> Document<'t> {
-    /// `sets` are pairs of `table.key` and a line `value = ...`.
-    pub(crate) fn new(text: &'t str, sets: &'t [(String, String)]) -> Self {
+    /// `sets` are pairs of `table.key` and value; `lines` are the same values as `value = ...`.
+    pub(crate) fn new(text: &'t str, sets: &'t [(String, String)], lines: &'t [String]) -> Self {
         let (root, errors) = DeTable::parse_recoverable(text);
+        let root = root.into_inner();
         let mut document = Self {
+            faults: syntax::faults(text, &root, &errors),
             text,
-            root: root.into_inner(),
+            root,
             sets: vec![],
-            faults: vec![],
+            base: None,
+            lenient: false,
             resolved: String::new(),
             tables: BTreeSet::new(),
         };
-        for error in errors {
-            let line = error.span().map_or(1, |span| document.line(span.start));
-            let message = error.message().to_owned();
-            document.faults.push(Fault {
-                line,
-                key: String::new(),
-                message,
-            });
-        }
-        for (path, line) in sets {
-            match (DeTable::parse(line), path.split_once('.')) {
-                (Ok(table), Some((section, key))) => {
-                    let key = (section.to_owned(), key.to_owned(), table.into_inner());
-                    document.sets.push(key);
+        for ((path, raw), line) in sets.iter().zip(lines) {
+            match path.split_once('.') {
+                Some((table, key)) => document.sets.push(Set::of(table, key, line, raw)),
+                None => {
+                    let tables = resume::tables_with(path);
+                    let hint = match tables.as_slice() {
+                        [] => String::new(),
+                        tables => {
+                            format!(", as in {}.{path}", tables.join(&format!(".{path} or ")))
+                        }
+                    };
+                    document.fault(0, path, format!("keys are written table.key{hint}"));
                 }
-                (Err(_), _) => document.fault(0, path, "not a TOML value"),
-                (_, None) => document.fault(0, path, "keys are written table.key"),
             }
         }
         document
     }
 
+    /// Says how paths are taken.
+    pub(crate) fn take_paths(&mut self, paths: Paths<'_>) {
+        self.base = paths.base.map(Path::to_path_buf);
+        self.lenient = paths.lenient;
+    }
+
     fn line(&self, offset: usize) -> usize {
-        let before = self.text.as_bytes().get(..offset).unwrap_or_default();
-        1 + before.iter().filter(|byte| **byte == b'\n').count()
+        syntax::line(self.text, offset)
     }
 
     pub(crate) fn fault(&mut self, line: usize, key: &str, message: impl Into<String>) {
+        // An empty key would make it a fault of the whole file.
+        let key = if line == 0 && key.is_empty() {
+            "''"
+        } else {
+            key
+        };
         self.faults.push(Fault {
             line,
-            key: key.to_owned(),
+            key: shown(key),
             message: message.into(),
         });
     }
 
     /// Whether the file or `--set` has a table.
     pub(crate) fn has(&self, table: &str) -> bool {
-        self.root.get(table).is_some() || self.sets.iter().any(|(section, ..)| section == table)
+        self.root.get(table).is_some() || self.sets.iter().any(|set| set.table == table)
     }
 
     /// Reads a table: `read` asks for its keys; the keys it does not ask for are faults.
@@ -196,29 +148,38 @@ impl<'t> Document<'t> {
         self.resolved.push('\n');
         let mut strangers = vec![];
         if let Some((key, value)) = self.root.get_key_value(name) {
-            match value.get_ref().as_table() {
-                Some(found) => {
-                    for key in found
+            let line = self.line(key.span().start);
+            match value.get_ref() {
+                DeValue::Table(found) => {
+                    let found = found
                         .keys()
-                        .filter(|key| !known.contains(&key.get_ref().as_ref()))
-                    {
+                        .filter(|key| !known.contains(&key.get_ref().as_ref()));
+                    for key in found.take(MOST) {
                         let line = self.line(key.span().start);
                         strangers.push((line, key.get_ref().to_string()));
                     }
                 }
-                None => {
-                    let line = self.line(key.span().start);
-                    self.fault(line, name, "expected a table: [name] on a line of its own");
+                DeValue::Array(_) => {
+                    let message =
+                        format!("expected one table, [{name}], found a list of them, [[{name}]]");
+                    self.fault(line, name, message);
+                }
+                _ => {
+                    let message = format!("expected a table: [{name}] on a line of its own");
+                    self.fault(line, name, message);
                 }
             }
         }
-        for (section, key, _) in &self.sets {
-            if section == name && !known.contains(&key.as_str()) {
-                strangers.push((0, key.clone()));
+        for set in &self.sets {
+            if set.table == name && !known.contains(&set.key) {
+                strangers.push((0, set.key.to_owned()));
             }
         }
         for (line, key) in strangers {
-            let message = unknown("key", &key, &known);
+            let message = match resume::tables_with(&key).as_slice() {
+                [] => unknown("key", &key, &known),
+                tables => format!("unknown key; it belongs to [{}]", tables.join("] or [")),
+            };
             self.fault(line, &format!("{name}.{key}"), message);
         }
         result
@@ -229,24 +190,43 @@ impl<'t> Document<'t> {
     pub(crate) fn finish(&mut self, ignored: &[&'static str]) {
         let known: Vec<&str> = self.tables.iter().chain(ignored).copied().collect();
         let mut strangers = vec![];
-        for key in self.root.keys() {
-            if !known.contains(&key.get_ref().as_ref()) {
-                strangers.push((self.line(key.span().start), key.get_ref().to_string()));
+        for (key, value) in &self.root {
+            let name = key.get_ref().as_ref();
+            if !known.contains(&name) && strangers.len() < MOST {
+                let line = self.line(key.span().start);
+                strangers.push((line, name.to_owned(), value.get_ref().is_table()));
             }
         }
-        for (section, ..) in &self.sets {
-            if !known.contains(&section.as_str()) {
-                strangers.push((0, section.clone()));
+        for set in &self.sets {
+            if !known.contains(&set.table) {
+                strangers.push((0, set.table.to_owned(), true));
             }
         }
-        for (line, key) in strangers {
-            let message = unknown("table", &key, &known);
+        for (line, key, is_table) in strangers {
+            let message = match resume::tables_with(&key).as_slice() {
+                tables @ [_, ..] if !is_table => format!(
+                    "this key stands above all tables; write it below [{}]",
+                    tables.join("] or [")
+                ),
+                _ => unknown("table", &key, &known),
+            };
             self.fault(line, &key, message);
         }
     }
 
-    /// Puts the faults in the order of lines, each once.
+    /// Whether all of it is TOML.
+    fn is_whole(&self) -> bool {
+        let mut faults = self.faults.iter();
+        !faults.any(|fault| fault.key.is_empty())
+    }
+
+    /// Puts the faults in the order of lines, each once. What was made of a line that is not TOML
+    /// says nothing new.
     pub(crate) fn order(&mut self) {
+        let broken = self.faults.iter().filter(|fault| fault.key.is_empty());
+        let broken: BTreeSet<usize> = broken.map(|fault| fault.line).collect();
+        self.faults
+            .retain(|fault| fault.key.is_empty() || !broken.contains(&fault.line));
         self.faults.sort_by_key(|fault| fault.line);
         self.faults.dedup();
     }
@@ -259,8 +239,11 @@ impl<'t> Document<'t> {
 
     /// Line of a key (0 when it was set on the command line), or of the table, or 1.
     fn line_of(&self, table: &str, key: &str) -> usize {
-        let set = |(section, set, _): &(String, String, _)| section == table && set == key;
-        if self.sets.iter().any(set) {
+        if self
+            .sets
+            .iter()
+            .any(|set| set.table == table && set.key == key)
+        {
             return 0;
         }
         let Some((name, found)) = self.root.get_key_value(table) else {
@@ -269,18 +252,6 @@ impl<'t> Document<'t> {
         let found = found.get_ref().as_table();
         let key = found.and_then(|table| table.get_key_value(key));
         self.line(key.map_or(name.span().start, |(key, _)| key.span().start))
-    }
-}
-
-fn unknown(what: &str, name: &str, known: &[&str]) -> String {
-    let nearest = known
-        .iter()
-        .map(|known| (strsim::damerau_levenshtein(name, known), *known))
-        .min()
-        .filter(|(distance, known)| *distance <= 1 + known.len() / 3);
-    match nearest {
-        Some((_, known)) => format!("unknown {what}; did you mean '{known}'?"),
-        None => format!("unknown {what}; known are {}", known.join(", ")),
     }
 }
 
@@ -298,33 +269,38 @@ impl Table<'_, '_> {
             .fault_at(&format!("{}.{key}", self.name), message);
     }
 
-    /// The value of a key where there is one and it has the right type.
-    pub(crate) fn optional<T: Value>(&mut self, key: &'static str) -> Option<T> {
+    /// Notes that a key has to be there; not where a fault may be the reason that it is not.
+    pub(crate) fn absent(&mut self, key: &str, message: &str) {
+        let path = format!("{}.{key}", self.name);
+        let told = self.document.faults.iter().any(|fault| fault.key == path);
+        if self.document.is_whole() && !told {
+            self.fault(key, message);
+        }
+    }
+
+    /// Notes that a file that a key names is not there.
+    pub(crate) fn missing(&mut self, key: &str, message: String) {
+        if !self.document.lenient {
+            self.fault(key, message);
+        }
+    }
+
+    /// Writes a key of the resolved file.
+    fn write<T: Value>(&mut self, key: &str, value: &T) {
+        let line = format!("{key} = {}\n", value.write());
+        self.document.resolved.push_str(&line);
+    }
+
+    /// The value of a key where there is one; what is wrong with its type.
+    fn look_up<T: Value>(&mut self, key: &'static str) -> Option<Result<T, String>> {
         self.known.push(key);
         let document = &*self.document;
-        let set = document
-            .sets
-            .iter()
-            .rev()
-            .find(|(table, k, _)| table == self.name && k == key);
-        let value: Option<&Spanned<DeValue<'_>>> = match set {
-            Some((_, _, table)) => table.get("value"),
-            None => document
-                .root
-                .get(self.name)
-                .and_then(|table| table.get_ref().as_table())
-                .and_then(|table| table.get(key)),
-        };
-        let found = value?.get_ref();
-        if let Some(read) = T::read(found) {
-            self.document
-                .resolved
-                .push_str(&format!("{key} = {}\n", read.write()));
-            return Some(read);
+        let mut sets = document.sets.iter().rev();
+        if let Some(set) = sets.find(|set| set.table == self.name && set.key == key) {
+            return Some(T::read_set(&set.value, set.raw));
         }
-        let message = format!("expected {}, found {}", T::NAME, describe(found));
-        self.fault(key, message);
-        None
+        let table = document.root.get(self.name)?.get_ref().as_table()?;
+        Some(T::read(table.get(key)?.get_ref()))
     }
 
     /// The value of a key, or its default where there is none or `allowed` says what is wrong
@@ -335,33 +311,99 @@ impl Table<'_, '_> {
         default: T,
         allowed: impl FnOnce(&T) -> Result<(), String>,
     ) -> T {
-        let before = self.document.faults.len();
-        match self.optional::<T>(key) {
-            Some(value) => match allowed(&value) {
-                Ok(()) => value,
-                Err(message) => {
-                    self.fault(key, message);
-                    default
-                }
-            },
-            None => {
-                if self.document.faults.len() == before {
-                    let line = format!("{key} = {}\n", default.write());
-                    self.document.resolved.push_str(&line);
-                }
+        let found = self.look_up::<T>(key);
+        let value = found.map(|found| found.and_then(|value| allowed(&value).map(|()| value)));
+        let value = match value {
+            Some(Ok(value)) => value,
+            Some(Err(message)) => {
+                self.fault(key, message);
                 default
+            }
+            None => default,
+        };
+        self.write(key, &value);
+        value
+    }
+
+    /// A run's name: the file's by default.
+    pub(crate) fn run_name(&mut self, key: &'static str, stem: &str) -> String {
+        let default = names::of_file(stem);
+        let before = self.document.faults.len();
+        let name = self.value(key, default.clone(), |name: &String| {
+            names::check(name).map_err(|why| match names::of_file(name) {
+                near if names::check(&near).is_ok() => format!("{why}; '{near}' is one"),
+                _ => why,
+            })
+        });
+        if name == default
+            && self.document.faults.len() == before
+            && let Err(why) = names::check(&name)
+        {
+            let message = format!(
+                "the file's name '{}' gives none, so set run.name: {why}",
+                shown(stem)
+            );
+            self.fault(key, message);
+        }
+        name
+    }
+
+    /// A path; none where there is none or it is empty.
+    pub(crate) fn path(&mut self, key: &'static str) -> Option<Given> {
+        let text = match self.look_up::<String>(key) {
+            Some(Ok(text)) => text,
+            Some(Err(message)) => {
+                self.fault(key, message);
+                String::new()
+            }
+            None => String::new(),
+        };
+        let base = self.document.base.clone();
+        let expanded = match text.as_str() {
+            "" => Ok(None),
+            _ => paths::expand(&text, |name| std::env::var_os(name)).and_then(|expanded| {
+                let path = paths::absolute(&expanded, base.as_deref())?;
+                let text = if expanded == text { text } else { expanded };
+                Ok(Some(Given { text, path }))
+            }),
+        };
+        match expanded {
+            Ok(given) => {
+                let written = given.as_ref().map(|given| paths::written(&given.path));
+                self.write(key, &written.unwrap_or_default());
+                given
+            }
+            Err(message) => {
+                self.fault(key, message);
+                None
             }
         }
     }
 
     /// A whole number within a range.
     pub(crate) fn count(&mut self, key: &'static str, default: usize, range: [usize; 2]) -> usize {
-        self.value(key, default, |value| within(*value, range))
+        let whole = self.value(key, Whole(default as i128), |value| {
+            within(value.0, range.map(|end| end as i128))
+        });
+        usize::try_from(whole.0).unwrap_or(default)
     }
 
     /// A number within a range.
     pub(crate) fn number(&mut self, key: &'static str, default: f64, range: [f64; 2]) -> f64 {
-        self.value(key, default, |value| within(*value, range))
+        self.value(key, default, |value| {
+            if *value >= range[0] && *value <= range[1] {
+                return Ok(());
+            }
+            let [value, low, high] = [*value, range[0], range[1]].map(short);
+            Err(format!(
+                "{value} is out of range; {low} to {high} are possible"
+            ))
+        })
+    }
+
+    /// `true` or `false`.
+    pub(crate) fn flag(&mut self, key: &'static str, default: bool) -> bool {
+        self.value(key, default, |_| Ok(()))
     }
 
     /// One of some words.
@@ -376,21 +418,21 @@ impl Table<'_, '_> {
 
     /// Widths of hidden layers.
     pub(crate) fn layers(&mut self, key: &'static str, default: &[usize]) -> Vec<usize> {
-        self.value(key, default.to_vec(), |layers| {
+        let default: Vec<Whole> = default.iter().map(|width| Whole(*width as i128)).collect();
+        let layers = self.value(key, default, |layers| {
             if layers.is_empty() || layers.len() > 8 {
                 return Err(format!("{} layers; 1 to 8 are possible", layers.len()));
             }
             layers
                 .iter()
-                .try_for_each(|width| within(*width, [1, 4096]))
-        })
+                .try_for_each(|width| within(width.0, [1, 4096]))
+        });
+        let widths = layers.iter().map(|width| usize::try_from(width.0));
+        widths.filter_map(Result::ok).collect()
     }
 }
 
-fn within<T: PartialOrd + fmt::Display + Copy>(
-    value: T,
-    [low, high]: [T; 2],
-) -> Result<(), String> {
+fn within(value: i128, [low, high]: [i128; 2]) -> Result<(), String> {
     if value >= low && value <= high {
         return Ok(());
     }
@@ -399,14 +441,11 @@ fn within<T: PartialOrd + fmt::Display + Copy>(
     ))
 }
 
-fn describe(value: &DeValue<'_>) -> String {
-    match value {
-        DeValue::String(text) => format!("the text \"{text}\""),
-        DeValue::Integer(integer) => format!("the whole number {integer}"),
-        DeValue::Float(float) => format!("the number {float}"),
-        DeValue::Boolean(boolean) => boolean.to_string(),
-        DeValue::Datetime(_) => "a date".to_owned(),
-        DeValue::Array(_) => "a list of other things".to_owned(),
-        DeValue::Table(_) => "a table".to_owned(),
+/// A number without hundreds of digits.
+fn short(number: f64) -> String {
+    match number.abs() {
+        0.0 => "0".to_owned(),
+        1e-5..1e16 => number.to_string(),
+        _ => format!("{number:e}"),
     }
 }

@@ -100,6 +100,8 @@ impl Run<'_> {
                 self.progress.say(&weakest);
             }
         }
+        self.finished = true;
+        self.save();
         self.progress
             .say(&format!("all of it is in {}", folder.display()));
         Ok(ExitCode::SUCCESS)

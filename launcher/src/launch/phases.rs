@@ -25,7 +25,11 @@ impl Run<'_> {
             }
             Phase::Settle => {
                 if self.settle()? {
-                    self.times.rollouts += lap(&mut self.began);
+                    let passed = lap(&mut self.began);
+                    if !self.settled {
+                        self.times.rollouts += passed;
+                    }
+                    self.settled = true;
                     self.evaluate()?;
                 }
             }

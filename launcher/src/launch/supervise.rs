@@ -112,6 +112,8 @@ impl Run<'_> {
             since: self.began.elapsed().as_secs_f64(),
             evaluated: self.evaluated,
             results: self.results.iter().flatten().copied().collect(),
+            settled: self.settled,
+            finished: self.finished,
             restarts: self.restarts(),
             accounts: self.accounts.clone(),
         };

@@ -36,7 +36,7 @@ pub(crate) fn title(groups: &[Group]) -> String {
 
 /// Of the config of a run without a score; empty where this version cannot read it.
 fn hash(run: &Recorded) -> String {
-    let config = config::Config::load(&run.folder.join("config.toml"), &[]);
+    let config = config::Config::of_run(&run.folder);
     config.map_or(String::new(), |config| config.hash())
 }
 
