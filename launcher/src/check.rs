@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ::dataset::{LoadError, Made};
+use ::dataset::Made;
 use agents::{high, low, vae, walker};
 use config::{Config, Kind, Misfit};
 use maze::Layout;

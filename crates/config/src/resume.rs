@@ -75,7 +75,10 @@ const TABLES: [(&str, &[(&str, OnResume)]); 17] = [
     ("actor", &SUPERVISION),
     ("learner", &SUPERVISION),
     ("graph_builder", &SUPERVISION),
-    ("dataset", &[("path", Input), ("leave_out", Fixed)]),
+    (
+        "dataset",
+        &[("path", Input), ("leave_out", Fixed), ("fit", Fixed)],
+    ),
     (
         "collect",
         &[
