@@ -54,7 +54,8 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     status.set_text("loading the data set");
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder, &args.folder)?;
-    let data = Dataset::open(Path::new(&config.dataset.path))?;
+    let path = Path::new(&config.dataset.path);
+    let data = dataset::open_with(path, config.dataset.on_fault)?.data;
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
     let data = data.without(|place| config.dataset.leaves_out(layout.cell_at(place)));
     Builder {

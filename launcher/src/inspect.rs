@@ -10,6 +10,7 @@ use trace::Trace;
 
 use crate::episode_picture;
 use crate::floor_plan::floor_plan;
+use crate::outputs::{self, Force};
 use crate::story::{self, Story, Subgoal};
 use crate::table::aligned;
 
@@ -27,6 +28,8 @@ pub(crate) struct Args {
     /// Write the picture of a trace: maze, graph, chosen nodes, the path walked
     #[arg(long, value_name = "SVG")]
     picture: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// `formica inspect`: exit code 1 where a trace cannot be read, 3 where one is cut off.
@@ -41,7 +44,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         let trace = trace::read(&paths[0])?;
         let story = Story::of(&trace);
         if let Some(picture) = &args.picture {
-            draw(&trace, &story, picture)?;
+            draw(&trace, &story, picture, args.force)?;
         }
         if args.json {
             println!("{}", serde_json::to_string_pretty(&story)?);
@@ -123,7 +126,7 @@ pub(crate) fn search(folder: &Path, depth: usize, paths: &mut Vec<PathBuf>) -> a
     Ok(())
 }
 
-fn draw(trace: &Trace, story: &Story, path: &Path) -> anyhow::Result<()> {
+fn draw(trace: &Trace, story: &Story, path: &Path, force: Force) -> anyhow::Result<()> {
     let title = format!("Episode {} of {}", story.episode, story.run);
     let subtitle = format!(
         "{} in {} steps; {} of {} subgoals reached",
@@ -133,7 +136,7 @@ fn draw(trace: &Trace, story: &Story, path: &Path) -> anyhow::Result<()> {
         story.subgoals.len()
     );
     let picture = episode_picture::svg(trace, story, title, subtitle)?;
-    fs::write(path, picture).with_context(|| format!("writing {}", path.display()))
+    outputs::write(path, force.existing(), picture.as_bytes())
 }
 
 /// A trace in words.

@@ -231,7 +231,11 @@ pub(crate) fn run(
         settled: false,
     };
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
-    let data = Dataset::open(Path::new(&config.dataset.path))?;
+    let path = Path::new(&config.dataset.path);
+    let dataset::Opened { data, dropped, .. } = dataset::open_with(path, config.dataset.on_fault)?;
+    if dropped.episodes > 0 {
+        eprintln!("learner: {dropped}");
+    }
     let data = data.without(|place| config.dataset.leaves_out(layout.cell_at(place)));
     learner.describe(&data, &layout);
     let halt = AtomicBool::new(false);

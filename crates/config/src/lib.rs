@@ -9,8 +9,8 @@ use std::path::Path;
 pub use reader::{Fault, Faults};
 pub use sections::{
     Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
-    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Supervision, Topology, Traces,
-    WalkerTraining,
+    Knowledge, Latent, Low, Maze, OnFault, Planner, Rollouts, Run, Seeding, Supervision, Topology,
+    Traces, WalkerTraining,
 };
 
 impl Config {

@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::reader::{Document, Table};
 use crate::sections::{
     Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
-    Knowledge, Latent, Low, Maze, Planner, Rollouts, Run, Seeding, Supervision, Topology, Traces,
-    WalkerTraining,
+    Knowledge, Latent, Low, Maze, OnFault, Planner, Rollouts, Run, Seeding, Supervision, Topology,
+    Traces, WalkerTraining,
 };
 
 const LAYOUTS: [&str; 6] = ["umaze", "medium", "large", "giant", "teleport", "custom"];
@@ -86,6 +86,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         Dataset {
             path: String::new(),
             leave_out: vec![],
+            on_fault: OnFault::Refuse,
         }
     };
     let collect = (offline && has_collect).then(|| read_collect(d, &maze.layout));
@@ -175,6 +176,13 @@ fn read_dataset(d: &mut Document<'_>, has_collect: bool) -> Dataset {
         Dataset {
             path,
             leave_out: cells.iter().map(|cell| [cell[0], cell[1]]).collect(),
+            on_fault: match t
+                .word("on_fault", "refuse", &["refuse", "drop-episode"])
+                .as_str()
+            {
+                "drop-episode" => OnFault::DropEpisode,
+                _ => OnFault::Refuse,
+            },
         }
     })
 }
@@ -479,7 +487,10 @@ mod tests {
         let config = set("dataset.leave_out", "[[5, 8], [6, 8]]").unwrap();
         assert!(config.dataset.leaves_out(Some((6, 8))));
         assert!(!config.dataset.leaves_out(Some((8, 6))) && !config.dataset.leaves_out(None));
+        let config = set("dataset.on_fault", "drop-episode").unwrap();
+        assert_eq!(config.dataset.on_fault, OnFault::DropEpisode);
         for (key, value, told) in [
+            ("dataset.on_fault", "drop", "drop-episode"),
             (
                 "dataset.leave_out",
                 "[[5]]",

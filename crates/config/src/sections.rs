@@ -83,6 +83,17 @@ pub struct Collect {
     pub threads: usize,
 }
 
+/// What becomes of a data set in which an episode breaks its format's rules: an array of a wrong
+/// length or missing, a value that is not finite, a chunk that cannot be decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OnFault {
+    /// It is refused.
+    #[default]
+    Refuse,
+    /// Such episodes are left out whole, unless they are more than half of all.
+    DropEpisode,
+}
+
 /// `[dataset]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
@@ -90,6 +101,8 @@ pub struct Dataset {
     pub path: String,
     /// Cells `[row, column]` of the maze whose rows are left out, as if nobody had been there.
     pub leave_out: Vec<[usize; 2]>,
+    /// `refuse`, or `drop-episode`.
+    pub on_fault: OnFault,
 }
 
 impl Dataset {
