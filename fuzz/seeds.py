@@ -18,7 +18,7 @@ SEEDS = {}
 def rows():
     """Four rows: an episode of three and one of one."""
     data = dict(
-        observations=(np.arange(4 * 29).reshape(4, 29) % 32 / 8).astype("f4"),
+        observations=(np.arange(4 * 29).reshape(4, 29) % 32 / 16).astype("f4"),
         actions=(np.arange(4 * 8).reshape(4, 8) % 16 / 16 - 0.5).astype("f4"),
         rewards=np.array([0, 1, 0, 1], "f4"),
         terminals=np.array([0, 1, 0, 1], bool),

@@ -140,7 +140,7 @@ impl Output {
     pub(crate) fn look(&self) -> Result<(), OutputError> {
         let there = match fs::symlink_metadata(&self.target) {
             Ok(there) => there,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+            Err(error) if absent(&error) => return Ok(()),
             Err(error) => return Err(io_error(&self.path, error)),
         };
         let wanted = match self.holds {
@@ -179,7 +179,7 @@ impl Output {
                     });
                 }
                 Ok(_) => break,
-                Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                Err(error) if absent(&error) => {
                     folder = self::folder(folder);
                 }
                 Err(error) => return Err(io_error(folder, error)),
@@ -200,6 +200,14 @@ fn io_error(path: &Path, source: io::Error) -> OutputError {
         path: path.to_path_buf(),
         source,
     }
+}
+
+/// Whether nothing is there, or a part of the path is no folder.
+fn absent(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
+    )
 }
 
 /// The path that symbolic links lead to, there or not.

@@ -71,6 +71,7 @@ const LEVEL: u32 = 1;
 /// # Errors
 /// Arrays of unequal length, something at `path`, and what the system or the format refuses.
 pub fn write_rows(path: &Path, rows: &Rows<'_>) -> Result<(), DatasetError> {
+    rows.check(path)?;
     let output = Output::file(path, Existing::Refuse, &[])?;
     Ok(stage_rows(&output, rows)?.place()?)
 }
