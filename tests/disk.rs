@@ -209,3 +209,29 @@ fn a_damaged_state_is_named_and_the_one_before_is_gone_on_from() {
     assert_eq!(code, Some(130), "{told}");
     assert_eq!(shared_memory(&run), Vec::<String>::new());
 }
+
+#[test]
+fn a_data_set_that_finds_no_room_leaves_nothing() {
+    let _one = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    collect(folder.path());
+    std::fs::create_dir(folder.path().join("disk")).unwrap();
+    let formica = binary().display().to_string();
+    let script = format!(
+        "'{formica}' collect small.toml --set dataset.path=disk/new/d.hdf5; echo \"code $?\"\n\
+         '{formica}' dataset convert data.hdf5 disk/new/m --to minari; echo \"code $?\"\n\
+         '{formica}' dataset convert data.hdf5 disk/x.npz --to ogbench; echo \"code $?\"\n\
+         ls -A disk"
+    );
+    let Some((code, told)) = on_a_small_disk(folder.path(), "disk", "256k", &script) else {
+        return;
+    };
+    assert_eq!(code, 0, "{told}");
+    assert_eq!(told.matches("code 1\n").count(), 3, "{told}");
+    for path in ["disk/new/d.hdf5", "disk/new/m", "disk/x.npz"] {
+        let start = format!("formica: {path}");
+        let refused = |line: &str| line.starts_with(&start) && line.contains("No space left");
+        assert!(told.lines().any(refused), "{path} in {told}");
+    }
+    assert!(told.ends_with("code 1\n"), "something is left: {told}");
+}

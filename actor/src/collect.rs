@@ -10,6 +10,7 @@ use std::sync::mpsc;
 
 use config::{Collect, Config};
 use dataset::{Made, d4rl};
+use durable::Output;
 use maze::{AntMaze, Layout, OBSERVATION, Physics, Route, Style, random_task};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
@@ -83,14 +84,15 @@ pub fn made(config: &Config) -> anyhow::Result<Option<Made>> {
     }))
 }
 
-/// Collects the data set of a config and writes it in D4RL's layout. The same seed gives the same
-/// file, whatever the number of threads. `progress` is told transitions done and to do. None, and
-/// no file, once `stopped` says so.
+/// Collects the data set of a config and writes it to `output` in D4RL's layout. The same seed
+/// gives the same file, whatever the number of threads. `progress` is told transitions done and to
+/// do. None, and no file, once `stopped` says so.
 ///
 /// # Errors
 /// No `[collect]` table, a walker that cannot be read, a file that cannot be written.
 pub fn collect(
     config: &Config,
+    output: &Output,
     stopped: &(dyn Fn() -> bool + Sync),
     mut progress: impl FnMut(usize, usize),
 ) -> anyhow::Result<Option<Collected>> {
@@ -134,7 +136,14 @@ pub fn collect(
     if stopped() {
         return Ok(None);
     }
-    write(config, &layout, episodes.into_iter().flatten(), rows).map(Some)
+    write(
+        output,
+        made(config)?.as_ref(),
+        &layout,
+        episodes.into_iter().flatten(),
+        rows,
+    )
+    .map(Some)
 }
 
 fn walk(
@@ -193,7 +202,8 @@ fn walk(
 }
 
 fn write(
-    config: &Config,
+    output: &Output,
+    made: Option<&Made>,
     layout: &Layout,
     episodes: impl Iterator<Item = Episode>,
     rows: usize,
@@ -225,9 +235,8 @@ fn write(
         .map(|terminal| f32::from(*terminal))
         .collect();
     let next = || all.next.chunks_exact(OBSERVATION);
-    let path = Path::new(&config.dataset.path);
-    d4rl::write_made(
-        path,
+    let staged = d4rl::stage_rows(
+        output,
         &d4rl::Rows {
             observations: &all.observations,
             actions: &all.actions,
@@ -238,19 +247,22 @@ fn write(
             qpos: &next().flat_map(|o| &o[..15]).copied().collect::<Vec<_>>(),
             qvel: &next().flat_map(|o| &o[15..]).copied().collect::<Vec<_>>(),
         },
-        made(config)?.as_ref(),
+        made,
     )?;
+    staged.place()?;
     let fallen = next().filter(|o| maze::upright(o) < maze::FALLEN).count();
     Ok(Collected {
         transitions: n,
         episodes: count,
         fallen: fallen as f64 / n.max(1) as f64,
-        path: config.dataset.path.clone(),
+        path: output.path().display().to_string(),
     })
 }
 
 #[cfg(test)]
 mod tests {
+    use durable::Existing;
+
     use super::*;
 
     /// Episodes are the same bits whoever simulates them, in a maze with teleports as well.
@@ -265,7 +277,9 @@ mod tests {
                 path.display()
             );
             let config = Config::parse(&text, "x.toml", "x", &[]).unwrap();
-            let told = collect(&config, &|| false, |_, _| {}).unwrap().unwrap();
+            let output = Output::file(&path, Existing::Refuse, &[]).unwrap();
+            let told = collect(&config, &output, &|| false, |_, _| {});
+            let told = told.unwrap().unwrap();
             assert_eq!(told.episodes, 7);
             std::fs::read(path).unwrap()
         };

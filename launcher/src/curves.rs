@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use anyhow::ensure;
 
 use crate::chart::{Chart, Series, Shape};
-use crate::folder;
 use crate::groups::{Group, grouped, spread, table};
+use crate::outputs::{self, Force};
 use crate::recorded::{self, Recorded};
 
 /// Its rows are single test episodes: 0, or 100 when the goal was reached. Those of all others are
@@ -29,6 +29,8 @@ pub(crate) struct Args {
     /// The picture to write, an SVG
     #[arg(long, value_name = "FILE", default_value = "curves.svg")]
     out: PathBuf,
+    #[command(flatten)]
+    force: Force,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
@@ -47,7 +49,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let groups = grouped(runs);
     let picture = chart(&groups, &args.metric).svg(Shape::Wide);
-    folder::write(&args.out, picture.as_bytes())?;
+    outputs::write(&args.out, args.force.existing(), picture.as_bytes())?;
     crate::output::text(table(&groups));
     say!("the picture is {}", args.out.display());
     Ok(ExitCode::SUCCESS)

@@ -4,9 +4,12 @@ use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use ::dataset::{Dataset, Format};
+use ::dataset::{Dataset, Format, OnFault, Opened};
 use clap::{Subcommand, ValueEnum};
+use durable::Output;
 use maze::{CELL_SIZE, Layout};
+
+use crate::outputs::{self, Force};
 
 /// Shades of a cell, from never visited to the most visited.
 const SHADES: &[u8] = b" .:-=+*#%@";
@@ -20,6 +23,9 @@ pub(crate) enum Action {
         /// The maze to draw the walls of: umaze, medium, large, giant or teleport
         #[arg(long)]
         maze: Option<String>,
+        /// What becomes of episodes that break the format's rules
+        #[arg(long, default_value = "refuse")]
+        on_fault: Faulty,
     },
     /// Write a data set in another format
     Convert {
@@ -33,7 +39,30 @@ pub(crate) enum Action {
         /// Share of the episodes, the last ones, that go to OUTPUT-val.npz (OGBench only)
         #[arg(long, default_value_t = 0.0)]
         val_share: f64,
+        /// What becomes of episodes that break the format's rules
+        #[arg(long, default_value = "refuse")]
+        on_fault: Faulty,
+        #[command(flatten)]
+        force: Force,
     },
+}
+
+/// `dataset.on_fault`, as an argument.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub(crate) enum Faulty {
+    /// The data set is refused
+    Refuse,
+    /// They are left out whole, unless they are more than half
+    DropEpisode,
+}
+
+impl From<Faulty> for OnFault {
+    fn from(faulty: Faulty) -> Self {
+        match faulty {
+            Faulty::Refuse => Self::Refuse,
+            Faulty::DropEpisode => Self::DropEpisode,
+        }
+    }
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -56,7 +85,7 @@ impl Target {
 /// What the user gave is of no use: exit code 2.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub(crate) struct Refused(String);
+pub(crate) struct Refused(pub(crate) String);
 
 fn refused(reason: impl fmt::Display) -> anyhow::Error {
     Refused(reason.to_string()).into()
@@ -64,34 +93,83 @@ fn refused(reason: impl fmt::Display) -> anyhow::Error {
 
 pub(crate) fn run(action: &Action) -> anyhow::Result<ExitCode> {
     match action {
-        Action::Info { file, maze } => info(file, maze.as_deref())?,
+        Action::Info {
+            file,
+            maze,
+            on_fault,
+        } => info(file, maze.as_deref(), *on_fault)?,
         Action::Convert {
             input,
-            output,
+            output: output_path,
             to,
             val_share,
-        } => convert(input, output, *to, *val_share)?,
+            on_fault,
+            force,
+        } => {
+            if !(0.0..1.0).contains(val_share) {
+                return Err(refused("--val-share is not in 0 to 1, 1 excluded"));
+            }
+            if *val_share > 0.0 && *to != Target::Ogbench {
+                return Err(refused("--val-share is for --to ogbench alone"));
+            }
+            let output = |path: &Path| {
+                let format = to.format();
+                let existing = force.existing();
+                format
+                    .output(path, existing, &[input])
+                    .map_err(outputs::given)
+            };
+            let training = output(output_path)?;
+            let validation = (*val_share > 0.0)
+                .then(|| output(&::dataset::ogbench::validation_path(training.path())))
+                .transpose()?;
+            let source = open(input, *on_fault)?;
+            convert(
+                &source,
+                to.format(),
+                *val_share,
+                &training,
+                validation.as_ref(),
+            )?;
+        }
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn info(file: &Path, maze: Option<&str>) -> anyhow::Result<()> {
+/// Where `collect` writes.
+pub(crate) fn output(path: &Path, force: Force, inputs: &[&Path]) -> anyhow::Result<Output> {
+    let output = Format::D4rl.output(path, force.existing(), inputs);
+    output.map_err(outputs::given)
+}
+
+/// Reads a data set, and tells of episodes that are left out.
+fn open(path: &Path, on_fault: Faulty) -> anyhow::Result<Opened> {
+    let opened = ::dataset::open_with(path, on_fault.into()).map_err(refused)?;
+    if opened.dropped.episodes > 0 {
+        log::warn!("{}", opened.dropped);
+    }
+    Ok(opened)
+}
+
+fn info(file: &Path, maze: Option<&str>, on_fault: Faulty) -> anyhow::Result<()> {
     let layout = maze.map(Layout::named).transpose().map_err(refused)?;
-    let (format, data) = ::dataset::open(file).map_err(refused)?;
+    let Opened { format, data, .. } = open(file, on_fault)?;
     say!("format        {format}");
     say!("{}", data.summary());
     crate::output::text(format!("\n{}", picture(&data, layout.as_ref())));
     Ok(())
 }
 
-fn convert(input: &Path, output: &Path, to: Target, val_share: f64) -> anyhow::Result<()> {
-    if !(0.0..1.0).contains(&val_share) {
-        return Err(refused("--val-share is not in 0 to 1, 1 excluded"));
-    }
-    if val_share > 0.0 && to != Target::Ogbench {
-        return Err(refused("--val-share is for --to ogbench alone"));
-    }
-    let (format, data) = ::dataset::open(input).map_err(refused)?;
+/// Writes a data set in another format, the last episodes to a file of their own if that is named.
+fn convert(
+    source: &Opened,
+    to: Format,
+    val_share: f64,
+    training: &Output,
+    validation: Option<&Output>,
+) -> anyhow::Result<()> {
+    outputs::end_at_signals()?;
+    let Opened { format, data, .. } = source;
     let total = data.episodes.len();
     let kept = total - (val_share * total as f64).ceil() as usize;
     if kept == 0 {
@@ -99,19 +177,27 @@ fn convert(input: &Path, output: &Path, to: Target, val_share: f64) -> anyhow::R
             "--val-share {val_share} of {total} episodes leaves none for training"
         )));
     }
-    let write = |path: &Path, data: &Dataset| -> anyhow::Result<()> {
-        to.format().write(path, data)?;
-        let (rows, episodes) = (data.len(), data.episodes.len());
-        let (path, to) = (path.display(), to.format());
-        say!("{path}: {rows} rows in {episodes} episodes, {to} from {format}");
-        Ok(())
+    let parts: Vec<(&Output, Dataset)> = match validation {
+        Some(validation) => vec![
+            (training, data.select(0..kept)),
+            (validation, data.select(kept..total)),
+        ],
+        None => vec![(training, data.clone())],
     };
-    if kept == total {
-        return write(output, &data);
+    // Nothing is put in its place before all is written.
+    let staged: Result<Vec<_>, _> = parts
+        .iter()
+        .map(|(output, data)| to.stage(output, data).map_err(outputs::given))
+        .collect();
+    for (staged, (output, data)) in staged?.into_iter().zip(&parts) {
+        staged
+            .place()
+            .map_err(|error| outputs::given(error.into()))?;
+        let (rows, episodes) = (data.len(), data.episodes.len());
+        let path = output.path().display();
+        say!("{path}: {rows} rows in {episodes} episodes, {to} from {format}");
     }
-    write(output, &data.select(0..kept))?;
-    let validation = ::dataset::ogbench::validation_path(output);
-    write(&validation, &data.select(kept..total))
+    Ok(())
 }
 
 /// Rows in each cell of 4 m as shades, walls as blocks; y grows downwards, as rows of a map do.

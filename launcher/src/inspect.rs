@@ -1,15 +1,15 @@
 //! What a trace tells, for people and for programs.
 
 use std::fmt::Write;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, ensure};
+use anyhow::ensure;
 use trace::Trace;
 
 use crate::figure::figure;
 use crate::floor_plan::floor_plan;
+use crate::outputs::{self, Force};
 use crate::story::{self, Story, Subgoal};
 use crate::table::aligned;
 use crate::traces::{self, Named};
@@ -26,6 +26,8 @@ pub(crate) struct Args {
     /// Write the picture of a trace: maze, graph, chosen nodes, the path walked
     #[arg(long, value_name = "SVG")]
     picture: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// `formica inspect`: exit code 1 where a trace cannot be read, 3 where one is cut off or damaged.
@@ -63,7 +65,7 @@ fn inspect(path: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     let trace = trace::read(path)?;
     let story = Story::of(&trace);
     if let Some(picture) = &args.picture {
-        draw(&trace, &story, picture)?;
+        draw(&trace, &story, picture, args.force)?;
     }
     if args.json {
         say!("{}", serde_json::to_string_pretty(&story)?);
@@ -73,7 +75,7 @@ fn inspect(path: &Path, args: &Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(story.code()))
 }
 
-fn draw(trace: &Trace, story: &Story, path: &Path) -> anyhow::Result<()> {
+fn draw(trace: &Trace, story: &Story, path: &Path, force: Force) -> anyhow::Result<()> {
     let title = format!("Episode {} of {}", story.episode, story.run);
     let subtitle = format!(
         "{} in {} steps; {} of {} subgoals reached",
@@ -83,7 +85,7 @@ fn draw(trace: &Trace, story: &Story, path: &Path) -> anyhow::Result<()> {
         story.subgoals.len()
     );
     let picture = episode_picture::svg(trace, story, title, subtitle)?;
-    fs::write(path, picture).with_context(|| format!("writing {}", path.display()))
+    outputs::write(path, force.existing(), picture.as_bytes())
 }
 
 /// A trace in words.

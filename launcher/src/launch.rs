@@ -10,6 +10,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use config::{Config, Kind};
+use durable::{Existing, Output};
 use wire::{
     Bus, Directive, DirectivePublisher, EpisodeResult, Phase, ReportReader, Role, RunDomain,
 };
@@ -26,7 +27,7 @@ use crate::resume::{self, Reopened, Resumed};
 use crate::saved::{Saved, Saver};
 use crate::stages::Times;
 use crate::throughput::Throughput;
-use crate::{check, folder, recovery, role};
+use crate::{check, folder, outputs, recovery, role};
 
 /// How often children, reports and dead nodes are looked after.
 const TICK: Duration = Duration::from_millis(50);
@@ -154,8 +155,20 @@ fn collect(config: &Config, interrupts: &Interrupts) -> anyhow::Result<Option<Ex
     if config.run.kind == Kind::Walker || config.collect.is_none() || !missing {
         return Ok(None);
     }
-    say!("collect: making {}", config.dataset.path);
-    role::collect(config, interrupts)
+    let path = Path::new(&config.dataset.path);
+    say!("collect: making {}", path.display());
+    let output = Output::file(path, Existing::Refuse, &[]).map_err(anyhow::Error::from);
+    match output.and_then(|output| role::collect(config, &output, interrupts)) {
+        // Of another launch: one data set is as good as the other.
+        Err(error) if outputs::taken(&error) => {
+            say!(
+                "collect: another process made {} meanwhile; it is used",
+                path.display()
+            );
+            Ok(None)
+        }
+        collected => collected,
+    }
 }
 
 /// Makes the channels, and supervises the processes that use them.

@@ -28,6 +28,7 @@ mod launch;
 mod live;
 mod markup;
 mod metrics;
+mod outputs;
 mod picture;
 mod progress;
 mod recorded;
@@ -48,7 +49,7 @@ mod traces;
 #[cfg(feature = "live")]
 mod watch;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -91,7 +92,12 @@ enum Command {
     /// Name every fault of a config and what it needs, before anything starts
     Check(ConfigArgs),
     /// Make the offline data set of a config
-    Collect(ConfigArgs),
+    Collect {
+        #[command(flatten)]
+        config: ConfigArgs,
+        #[command(flatten)]
+        force: outputs::Force,
+    },
     /// Look at data sets and convert them: D4RL, Minari, OGBench
     #[command(subcommand)]
     Dataset(dataset::Action),
@@ -222,9 +228,15 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
             );
             Ok(ExitCode::SUCCESS)
         }),
-        Command::Collect(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
+        Command::Collect {
+            config: args,
+            force,
+        } => check::load(&args.config, &args.over.sets).and_then(|config| {
             output::detach();
-            let stopped = role::collect(&config, &interrupts::Interrupts::listen()?)?;
+            let path = Path::new(&config.dataset.path);
+            let output = dataset::output(path, force, &[&args.config])?;
+            let interrupts = interrupts::Interrupts::listen()?;
+            let stopped = role::collect(&config, &output, &interrupts)?;
             Ok(stopped.unwrap_or(ExitCode::SUCCESS))
         }),
         Command::Ceiling {

@@ -12,9 +12,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::ensure;
+use durable::Existing;
 
-use crate::folder;
 use crate::groups::grouped;
+use crate::outputs::{self, Force};
 use crate::recorded;
 use page::Section;
 
@@ -26,6 +27,8 @@ pub(crate) struct Args {
     /// The page to write; report.html in the folder of the first run by default
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    force: Force,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
@@ -57,7 +60,12 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     ];
     let title = format!("{} · formica report", scores::title(&groups));
     let page = page::page(&title, &scores::head(&groups)?, &sections);
-    folder::write(&out, page.as_bytes())?;
+    // The page of a run is its own, and made anew as the run goes on.
+    let existing = match args.out {
+        Some(_) => args.force.existing(),
+        None => Existing::Replace,
+    };
+    outputs::write(&out, existing, page.as_bytes())?;
     say!("the report is {}", out.display());
     Ok(ExitCode::SUCCESS)
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use config::Config;
+use durable::Output;
 use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -70,12 +71,13 @@ pub(crate) fn run(
 /// Makes the data set of a config; an exit code when a signal stopped that.
 pub(crate) fn collect(
     config: &Config,
+    output: &Output,
     interrupts: &Interrupts,
 ) -> anyhow::Result<Option<ExitCode>> {
     let start = Instant::now();
     let mut last = Instant::now();
     let stopped = || interrupts.count() > 0;
-    let collected = actor::collect::collect(config, &stopped, |done, total| {
+    let collected = actor::collect::collect(config, output, &stopped, |done, total| {
         if last.elapsed() > Duration::from_secs(2) {
             last = Instant::now();
             say!("collect: {done} of {total} transitions");

@@ -19,8 +19,8 @@ pub use fault::{Fault, Faults};
 pub use resume::{Change, OnResume};
 pub use sections::{
     Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
-    Knowledge, Latent, Low, Maze, Misfit, Planner, Rollouts, Run, Seeding, Supervision, Topology,
-    Traces, WalkerTraining,
+    Knowledge, Latent, Low, Maze, Misfit, OnFault, Planner, Rollouts, Run, Seeding, Supervision,
+    Topology, Traces, WalkerTraining,
 };
 
 /// How the paths in a run file are taken.

@@ -6,7 +6,7 @@ mod training;
 mod walker;
 
 use crate::reader::{Document, Table};
-use crate::sections::{Config, Dataset, Kind, Maze, Misfit, Run, Supervision, Topology};
+use crate::sections::{Config, Dataset, Kind, Maze, Misfit, OnFault, Run, Supervision, Topology};
 
 const LAYOUTS: [&str; 6] = ["umaze", "medium", "large", "giant", "teleport", "custom"];
 
@@ -83,6 +83,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
             path: String::new(),
             leave_out: vec![],
             fit: Misfit::Refuse,
+            on_fault: OnFault::Refuse,
         }
     };
     let collect = (offline && has_collect).then(|| data::collect(d, &maze.layout));

@@ -77,7 +77,12 @@ const TABLES: [(&str, &[(&str, OnResume)]); 17] = [
     ("graph_builder", &SUPERVISION),
     (
         "dataset",
-        &[("path", Input), ("leave_out", Fixed), ("fit", Fixed)],
+        &[
+            ("path", Input),
+            ("leave_out", Fixed),
+            ("fit", Fixed),
+            ("on_fault", Fixed),
+        ],
     ),
     (
         "collect",

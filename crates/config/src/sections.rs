@@ -92,6 +92,17 @@ pub enum Misfit {
     Warn,
 }
 
+/// What becomes of a data set in which an episode breaks its format's rules: an array of a wrong
+/// length or missing, a value that is not finite, a chunk that cannot be decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum OnFault {
+    /// It is refused.
+    #[default]
+    Refuse,
+    /// Such episodes are left out whole, unless they are more than half of all.
+    DropEpisode,
+}
+
 /// `[dataset]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
@@ -102,6 +113,8 @@ pub struct Dataset {
     /// Whether data that do not fit maze and ant are refused: `refuse`, or `warn` to take them as
     /// they are.
     pub fit: Misfit,
+    /// `refuse`, or `drop-episode`.
+    pub on_fault: OnFault,
 }
 
 impl Dataset {

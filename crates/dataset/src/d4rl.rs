@@ -7,8 +7,8 @@ mod write;
 
 pub(crate) use read::from_reader;
 pub use read::{read, read_bytes};
-pub use write::{Rows, write, write_made, write_rows};
-pub(crate) use write::{bools, compress, failed};
+pub use write::{Rows, stage_rows, write, write_rows};
+pub(crate) use write::{bools, compress, failed, stage};
 
 /// Width of `infos/qpos`.
 pub const QPOS: usize = 15;

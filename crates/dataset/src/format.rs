@@ -4,9 +4,11 @@ use std::fmt;
 use std::fs;
 use std::path::Path;
 
-use crate::hdf5::Reader;
-use crate::replace::io_error;
-use crate::{Dataset, DatasetError, d4rl, minari, ogbench};
+use durable::{Existing, Output, Staged};
+
+use crate::error::io_error;
+use crate::hdf5::{OtherFiles, Reader};
+use crate::{Dataset, DatasetError, Dropped, OnFault, d4rl, minari, ogbench};
 
 /// How a data set lies on disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,18 +32,55 @@ impl fmt::Display for Format {
 }
 
 impl Format {
-    /// Writes a data set; `path` is whole or untouched. For what each format cannot hold see
-    /// [`d4rl::write`], [`minari::write`] and [`ogbench::write`].
+    /// Where a data set of this format goes: a file, or for Minari a folder. `inputs` are files and
+    /// folders that the command reads, which no output replaces.
+    ///
+    /// # Errors
+    /// Something is there and is not to be replaced, or cannot be.
+    pub fn output(
+        self,
+        path: &Path,
+        existing: Existing,
+        inputs: &[&Path],
+    ) -> Result<Output, DatasetError> {
+        Ok(match self {
+            Self::Minari => Output::folder(path, existing, inputs, minari::HOLDS)?,
+            Self::D4rl | Self::Ogbench => Output::file(path, existing, inputs)?,
+        })
+    }
+
+    /// Writes a data set beside its place. For what each format cannot hold see [`d4rl::write`],
+    /// [`minari::write`] and [`ogbench::write`].
     ///
     /// # Errors
     /// What the system or the format refuses.
-    pub fn write(self, path: &Path, data: &Dataset) -> Result<(), DatasetError> {
+    pub fn stage(self, output: &Output, data: &Dataset) -> Result<Staged, DatasetError> {
         match self {
-            Self::D4rl => d4rl::write(path, data),
-            Self::Minari => minari::write(path, data),
-            Self::Ogbench => ogbench::write(path, data),
+            Self::D4rl => d4rl::stage(output, data),
+            Self::Minari => minari::stage(output, data),
+            Self::Ogbench => ogbench::stage(output, data),
         }
     }
+
+    /// Writes a data set to a path where nothing is: it is whole, or nothing.
+    ///
+    /// # Errors
+    /// Something at `path`, and what the system or the format refuses.
+    pub fn write(self, path: &Path, data: &Dataset) -> Result<(), DatasetError> {
+        let output = self.output(path, Existing::Refuse, &[])?;
+        Ok(self.stage(&output, data)?.place()?)
+    }
+}
+
+/// A data set that was read.
+#[derive(Debug)]
+pub struct Opened {
+    /// How it lies on disk.
+    pub format: Format,
+    /// Its episodes.
+    pub data: Dataset,
+    /// Those that were left out.
+    pub dropped: Dropped,
 }
 
 /// Reads a data set of any format and says which it is. The content tells, not the name: a folder
@@ -51,13 +90,31 @@ impl Format {
 /// # Errors
 /// A path of no known format, and anything that is wrong with it, by key and row.
 pub fn open(path: &Path) -> Result<(Format, Dataset), DatasetError> {
+    open_with(path, OnFault::Refuse).map(|opened| (opened.format, opened.data))
+}
+
+/// [`open`], and what becomes of faulty episodes.
+///
+/// # Errors
+/// A path of no known format, anything that is wrong with it and lies in no episode, more than half
+/// of all episodes faulty, and where they are refused the first of them, by key and row.
+pub fn open_with(path: &Path, on_fault: OnFault) -> Result<Opened, DatasetError> {
+    let read = |format, read: Result<(Dataset, Dropped), DatasetError>| {
+        let (data, dropped) = read.map_err(DatasetError::with_remedy)?;
+        Ok(Opened {
+            format,
+            data,
+            dropped,
+        })
+    };
     if path.is_dir() {
-        return Ok((Format::Minari, minari::read(path)?));
+        return read(Format::Minari, minari::read_with(path, on_fault));
     }
     let bytes = fs::read(path).map_err(|error| io_error(path, error))?;
     // Every zip archive begins with an entry, or with its end when there is none.
     if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06") {
-        return Ok((Format::Ogbench, ogbench::read_bytes(path, &bytes)?));
+        let data = ogbench::read_with(path, &bytes, on_fault);
+        return read(Format::Ogbench, data);
     }
     if !hdf5_pure::is_hdf5_bytes(&bytes) {
         return Err(DatasetError::Format {
@@ -65,15 +122,12 @@ pub fn open(path: &Path) -> Result<(Format, Dataset), DatasetError> {
             reason: "neither HDF5 (D4RL, Minari) nor npz (OGBench)".to_owned(),
         });
     }
-    let reader = Reader::open(path, bytes)?;
-    let folders = reader.folders()?;
-    if folders
-        .iter()
-        .any(|folder| folder.number("episode_").is_some())
-    {
-        return Ok((Format::Minari, minari::from_reader(&reader, None)?));
+    let reader = Reader::open(path, bytes, OtherFiles::Follow)?;
+    if reader.numbered("episode_")?.is_empty() {
+        read(Format::D4rl, d4rl::from_reader(&reader, on_fault))
+    } else {
+        read(Format::Minari, minari::from_reader(&reader, None, on_fault))
     }
-    Ok((Format::D4rl, d4rl::from_reader(&reader)?))
 }
 
 #[cfg(test)]

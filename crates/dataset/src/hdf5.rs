@@ -1,23 +1,50 @@
 //! Arrays of HDF5 files, believed only as far as the file can bear them out.
 
+mod elsewhere;
+mod filters;
+mod links;
+mod number;
+#[cfg(test)]
+mod tests;
+mod told;
+mod values;
+
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use hdf5_pure::{Dataset as Array, Error, File, FormatError, Group};
+use hdf5_reader::error::Error;
+use hdf5_reader::group::Group;
+use hdf5_reader::{Dataset as Array, FilesystemExternalFileResolver, Hdf5File, OpenOptions};
 
-use crate::{DatasetError, parallel};
+use crate::DatasetError;
+use elsewhere::Elsewhere;
+use links::{Link, Target};
+use told::{root_cause, told};
+pub(crate) use values::zeros;
 
 /// No deflated byte stands for more than 1032 bytes (zlib's technical notes), so no sound file
 /// holds more bytes than this for each of its own.
 const INFLATION: u64 = 1032;
 
-/// Rows that one thread decodes at a time, about: whole chunks of them.
-const PIECE: usize = 65_536;
+/// Names of a folder that an error tells at most.
+const NAMES: usize = 12;
 
 /// An open file and what its errors need.
 pub(crate) struct Reader<'p> {
     path: &'p Path,
-    length: u64,
-    file: File,
+    /// Bytes of the file and of those that its links lead to.
+    length: Arc<AtomicU64>,
+    file: Hdf5File,
+}
+
+/// Whether links that lead to other files are followed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum OtherFiles {
+    /// From the folder of the file.
+    Follow,
+    /// The bytes have no folder.
+    Refuse,
 }
 
 /// Values of a row.
@@ -46,56 +73,87 @@ pub(crate) struct Folder {
     group: Group,
 }
 
-impl Folder {
-    /// The number that its name ends with, after `word`; none for other names.
-    pub(crate) fn number(&self, word: &str) -> Option<usize> {
-        let digits = self.prefix.strip_prefix(word)?.strip_suffix('/')?;
-        // No sign, and one name only for each number.
-        let number = digits.parse().ok()?;
-        (digits == format!("{number}")).then_some(number)
-    }
+/// What a file is opened with that has so many bytes.
+fn options(length: u64) -> OpenOptions {
+    let most = usize::try_from(length.saturating_mul(INFLATION)).unwrap_or(usize::MAX);
+    OpenOptions::default()
+        .with_filter_registry(filters::registry())
+        // Each chunk is read once.
+        .with_chunk_cache_bytes(0)
+        .with_max_chunk_bytes(most.max(1 << 20))
 }
 
 impl<'p> Reader<'p> {
-    /// Opens the bytes of a file; `path` is for errors.
-    pub(crate) fn open(path: &'p Path, bytes: Vec<u8>) -> Result<Self, DatasetError> {
+    /// Opens the bytes of a file; `path` is for errors, and where `others` says so for links.
+    pub(crate) fn open(
+        path: &'p Path,
+        bytes: Vec<u8>,
+        others: OtherFiles,
+    ) -> Result<Self, DatasetError> {
         let format = |reason: String| DatasetError::Format {
             path: path.to_path_buf(),
             reason,
         };
-        let length = bytes.len() as u64;
-        let file = File::from_bytes(bytes)
+        let size = bytes.len() as u64;
+        let length = Arc::new(AtomicU64::new(size));
+        let mut options = options(size);
+        if others == OtherFiles::Follow {
+            let elsewhere = Elsewhere::of(path, Arc::clone(&length));
+            let raw = FilesystemExternalFileResolver::new(elsewhere.folder());
+            options = options
+                .with_external_link_resolver(Arc::new(elsewhere))
+                .with_external_file_resolver(Arc::new(raw));
+        }
+        let file = Hdf5File::from_vec_with_options(bytes, options)
             .map_err(|error| format(format!("not an HDF5 file that can be read: {error}")))?;
-        let whole = file.superblock().eof_address;
-        if length < whole {
+        let superblock = file.superblock();
+        let whole = superblock.eof_address;
+        if size < whole {
             return Err(format(format!(
-                "cut off: {length} of {whole} bytes are there; copy it again"
+                "cut off: {size} of {whole} bytes are there; copy it again"
             )));
         }
         Ok(Self { path, length, file })
     }
 
-    /// The file's root.
-    pub(crate) fn root(&self) -> Folder {
-        Folder {
-            prefix: String::new(),
-            group: self.file.root(),
-        }
+    /// What errors name.
+    pub(crate) fn path(&self) -> &'p Path {
+        self.path
     }
 
-    /// Folders right below the root.
-    pub(crate) fn folders(&self) -> Result<Vec<Folder>, DatasetError> {
-        let groups = self
-            .file
-            .root()
-            .iter_groups()
-            .map_err(|error| self.error("/", error))?;
-        Ok(groups
-            .map(|(name, group)| Folder {
-                prefix: format!("{name}/"),
-                group,
-            })
-            .collect())
+    /// The file's root.
+    pub(crate) fn root(&self) -> Result<Folder, DatasetError> {
+        let group = self.file.root_group();
+        Ok(Folder {
+            prefix: String::new(),
+            group: group.map_err(|error| self.error("/", told(&error)))?,
+        })
+    }
+
+    /// Numbers of the root's names that are a word and a number, whatever they lead to.
+    pub(crate) fn numbered(&self, word: &str) -> Result<Vec<usize>, DatasetError> {
+        let number = |link: Link| {
+            let digits = link.name.strip_prefix(word)?;
+            // No sign, and one name only for each number.
+            let number: usize = digits.parse().ok()?;
+            (digits == number.to_string()).then_some(number)
+        };
+        let names = links::links(&self.root()?.group);
+        let names = names.map_err(|error| self.error("/", told(&error)))?;
+        Ok(names.into_iter().filter_map(number).collect())
+    }
+
+    /// A folder within another.
+    pub(crate) fn folder(&self, within: &Folder, name: &str) -> Result<Folder, DatasetError> {
+        let group = within.group.group(name).map_err(|error| {
+            let reason = self.instead(within, name, &error, "a group");
+            let name = format!("{}{name}", within.prefix);
+            self.error(&name, reason.unwrap_or_else(|| "is missing".to_owned()))
+        })?;
+        Ok(Folder {
+            prefix: format!("{}{name}/", within.prefix),
+            group,
+        })
     }
 
     /// An error about a key.
@@ -115,20 +173,67 @@ impl<'p> Reader<'p> {
         }
     }
 
+    /// Why a name is not what was looked for; none where there is no such name.
+    fn instead(&self, within: &Folder, name: &str, error: &Error, wanted: &str) -> Option<String> {
+        let cause = root_cause(error);
+        let absent = matches!(cause, Error::DatasetNotFound(_) | Error::GroupNotFound(_));
+        let found = match links::links(&within.group) {
+            Ok(links) => links.into_iter().find(|link| link.name == name),
+            Err(_) if !absent => return Some(told(cause)),
+            Err(error) => return Some(told(&error)),
+        };
+        if !absent {
+            let told = told(cause);
+            return Some(match found.map(|link| link.target) {
+                Some(Target::External { file, path }) if !told.starts_with(elsewhere::LINK) => {
+                    format!("is a link to '{path}' in the file {file}: {told}")
+                }
+                _ => told,
+            });
+        }
+        Some(match found?.target {
+            Target::Object => format!("is there, but is not {wanted}"),
+            Target::Soft(path) => {
+                format!(
+                    "is a link to '{path}', which leads to nothing that can be read as {wanted}"
+                )
+            }
+            Target::External { file, path } => format!(
+                "is a link to '{path}' in the file {file}, which is not followed from here; copy \
+                 what it leads to into one file, as h5py's Group.copy does with expand_external=True"
+            ),
+        })
+    }
+
     /// A key that must be there, of `rows` rows if those are known. No value is read yet.
+    /// `layout` tells what a file of the format has.
     pub(crate) fn key(
         &self,
         folder: &Folder,
         name: &str,
         rows: Option<usize>,
         width: Width,
+        layout: &str,
     ) -> Result<Key, DatasetError> {
-        self.optional(folder, name, rows, width)?.ok_or_else(|| {
-            self.error(
-                &format!("{}{name}", folder.prefix),
-                "is missing; the layout has it, is this a file of another kind?",
-            )
+        let found = self.optional(folder, name, rows, width)?;
+        found.ok_or_else(|| {
+            let key = format!("{}{name}", folder.prefix);
+            self.error(&key, format!("is missing {}; {layout}", self.names(folder)))
         })
+    }
+
+    /// What a folder has, in a few words.
+    fn names(&self, folder: &Folder) -> String {
+        let links = links::links(&folder.group).unwrap_or_default();
+        let mut names: Vec<String> = links.into_iter().map(|link| link.name).collect();
+        names.sort_unstable();
+        let more = names.len().saturating_sub(NAMES);
+        names.truncate(NAMES);
+        match (names.is_empty(), more) {
+            (true, _) => "as nothing is there".to_owned(),
+            (_, 0) => format!("among {}", names.join(", ")),
+            _ => format!("among {} and {more} more", names.join(", ")),
+        }
     }
 
     /// A key that may be missing. One that is there and damaged is an error all the same.
@@ -139,13 +244,51 @@ impl<'p> Reader<'p> {
         rows: Option<usize>,
         width: Width,
     ) -> Result<Option<Key>, DatasetError> {
-        let array = match folder.group.dataset(name) {
-            Ok(array) => array,
-            Err(Error::Format(FormatError::PathNotFound(_))) => return Ok(None),
-            Err(error) => return Err(self.error(&format!("{}{name}", folder.prefix), error)),
+        let whole = format!("{}{name}", folder.prefix);
+        let (parent, last) = match name.rsplit_once('/') {
+            None => (None, name),
+            Some((parent, last)) => match self.present(folder, parent)? {
+                None => return Ok(None),
+                parent => (parent, last),
+            },
         };
-        let name = format!("{}{name}", folder.prefix);
-        let shape = array.shape().map_err(|error| self.error(&name, error))?;
+        let folder = parent.as_ref().unwrap_or(folder);
+        let array = match folder.group.dataset(last) {
+            Ok(array) => array,
+            Err(error) => {
+                return match self.instead(folder, last, &error, "an array") {
+                    None => Ok(None),
+                    Some(reason) => Err(self.error(&whole, reason)),
+                };
+            }
+        };
+        number::check(&array).map_err(|error| self.error(&whole, told(&error)))?;
+        self.shaped(whole, array, rows, width).map(Some)
+    }
+
+    /// A folder that may be missing.
+    fn present(&self, within: &Folder, name: &str) -> Result<Option<Folder>, DatasetError> {
+        match within.group.group(name) {
+            Ok(group) => Ok(Some(Folder {
+                prefix: format!("{}{name}/", within.prefix),
+                group,
+            })),
+            Err(error) => match self.instead(within, name, &error, "a group") {
+                None => Ok(None),
+                Some(reason) => Err(self.error(&format!("{}{name}", within.prefix), reason)),
+            },
+        }
+    }
+
+    /// The array as a key, if its shape is that of the layout.
+    fn shaped(
+        &self,
+        name: String,
+        array: Array,
+        rows: Option<usize>,
+        width: Width,
+    ) -> Result<Key, DatasetError> {
+        let shape = array.shape();
         // Rewards come as (n,) and as (n, 1).
         let columns = shape
             .iter()
@@ -153,6 +296,8 @@ impl<'p> Reader<'p> {
             .try_fold(1_u64, |all, side| all.checked_mul(*side));
         let found = shape.first().copied().unwrap_or(0);
         let columns = columns.filter(|columns| match width {
+            // Without rows there are no values, whatever the columns: Minari's episodes of no step.
+            Width::Exactly(_) if found == 0 => true,
             Width::Exactly(width) => *columns == width as u64,
             Width::AtLeast(width) => shape.len() == 2 && *columns >= width as u64,
         });
@@ -163,7 +308,7 @@ impl<'p> Reader<'p> {
             return Err(DatasetError::Shape {
                 path: self.path.to_path_buf(),
                 key: name,
-                got: shape,
+                got: shape.to_vec(),
                 expected: match width {
                     Width::Exactly(1) => format!("[{rows}]"),
                     Width::Exactly(width) => format!("[{rows}, {width}]"),
@@ -173,123 +318,21 @@ impl<'p> Reader<'p> {
         };
         // Believe no length that the file cannot hold: allocation would end the process.
         if found > self.most() / columns.max(1) as u64 {
-            let reason = format!("{found} rows are more than {} bytes can hold", self.length);
+            let length = self.length.load(Ordering::Relaxed);
+            let reason = format!("{found} rows are more than {length} bytes can hold");
             return Err(self.error(&name, reason));
         }
-        Ok(Some(Key {
+        Ok(Key {
             rows: found as usize,
             width: columns,
             name,
             array,
-        }))
+        })
     }
 
     /// Values that the file can hold at most, each of a byte or more.
     pub(crate) fn most(&self) -> u64 {
-        self.length.saturating_mul(INFLATION)
+        let length = self.length.load(Ordering::Relaxed);
+        length.saturating_mul(INFLATION)
     }
-
-    /// All values of some keys, whatever their number type; h5py's bools are 0 and 1. Decoded on
-    /// all cores.
-    pub(crate) fn values<const N: usize>(
-        &self,
-        keys: [&Key; N],
-    ) -> Result<[Vec<f32>; N], DatasetError> {
-        let mut arrays = [const { Vec::new() }; N];
-        for (key, array) in keys.iter().zip(&mut arrays) {
-            *array = zeros(key.rows * key.width).map_err(|error| self.error(&key.name, error))?;
-        }
-        let mut jobs = vec![];
-        for (key, array) in keys.iter().zip(&mut arrays) {
-            let piece = self.piece(key)?;
-            let slices = array.chunks_mut((piece * key.width).max(1));
-            jobs.extend(
-                slices
-                    .enumerate()
-                    .map(|(number, into)| (*key, number * piece, into)),
-            );
-        }
-        parallel::each(jobs, |(key, start, into)| self.rows(key, start, into))?;
-        Ok(arrays)
-    }
-
-    /// Rows of a piece: whole chunks, so that none is decoded twice.
-    fn piece(&self, key: &Key) -> Result<usize, DatasetError> {
-        let chunk = self.chunk_rows(key)?;
-        Ok(PIECE
-            .div_ceil(chunk)
-            .saturating_mul(chunk)
-            .min(key.rows.max(1)))
-    }
-
-    /// Rows of a chunk.
-    fn chunk_rows(&self, key: &Key) -> Result<usize, DatasetError> {
-        let chunk = key.array.chunk_shape();
-        let chunk = chunk.map_err(|error| self.error(&key.name, error))?;
-        let rows = chunk.and_then(|chunk| chunk.first().copied()).unwrap_or(1);
-        Ok(usize::try_from(rows).unwrap_or(usize::MAX).max(1))
-    }
-
-    /// The rows from `start` that `into` has room for.
-    pub(crate) fn rows(
-        &self,
-        key: &Key,
-        start: usize,
-        into: &mut [f32],
-    ) -> Result<(), DatasetError> {
-        let count = into.len() / key.width.max(1);
-        if count == 0 {
-            return Ok(());
-        }
-        let read = |start: usize, count: usize| {
-            if (start, count) == (0, key.rows) {
-                key.array.read_f32()
-            } else {
-                key.array.read_f32_rows(start as u64, count as u64)
-            }
-        };
-        let values = read(start, count).map_err(|error| {
-            // Where in the array, chunk by chunk.
-            let chunk = self.chunk_rows(key).unwrap_or(count).min(count);
-            let found = (start..start + count)
-                .step_by(chunk)
-                .map(|first| (first, chunk.min(start + count - first)))
-                .find_map(|(first, rows)| Some((first, rows, read(first, rows).err()?)));
-            match found {
-                Some((first, rows, error)) => self.error(
-                    &key.name,
-                    format!("rows {first} to {}: {error}", first + rows - 1),
-                ),
-                None => self.error(&key.name, error),
-            }
-        })?;
-        if values.len() != into.len() {
-            let reason = format!(
-                "rows {start} to {} hold {} values, the shape wants {}",
-                start + count - 1,
-                values.len(),
-                into.len()
-            );
-            return Err(self.error(&key.name, reason));
-        }
-        match values.iter().position(|value| !value.is_finite()) {
-            Some(at) => Err(DatasetError::NotFinite {
-                path: self.path.to_path_buf(),
-                key: key.name.clone(),
-                row: start + at / key.width,
-            }),
-            None => {
-                into.copy_from_slice(&values);
-                Ok(())
-            }
-        }
-    }
-}
-
-/// Zeros, or an error where there is no room for them.
-pub(crate) fn zeros(count: usize) -> Result<Vec<f32>, std::collections::TryReserveError> {
-    let mut values = Vec::new();
-    values.try_reserve_exact(count)?;
-    values.resize(count, 0.0);
-    Ok(values)
 }

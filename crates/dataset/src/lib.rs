@@ -5,23 +5,26 @@
 
 pub mod d4rl;
 mod error;
+mod fault;
 pub mod fit;
 mod format;
 mod hdf5;
 pub mod minari;
+mod number;
 pub mod ogbench;
 mod parallel;
 mod provenance;
-mod replace;
 mod starts;
 mod summary;
 
 use std::ops::Range;
 use std::path::Path;
 
+pub use config::OnFault;
 pub use error::DatasetError;
+pub use fault::Dropped;
 pub use fit::{LoadError, Loaded, load_for};
-pub use format::{Format, open};
+pub use format::{Format, Opened, open, open_with};
 pub use provenance::Made;
 pub use starts::Starts;
 pub use summary::Summary;
@@ -80,6 +83,27 @@ impl Dataset {
                 .map(|episode| episode.start - rows.start..episode.end - rows.start)
                 .collect(),
         }
+    }
+
+    /// Some of the episodes, those that are marked, as a data set of their own.
+    pub(crate) fn kept(&self, keep: &[bool]) -> Self {
+        let mut kept = Self::default();
+        let marked = self.episodes.iter().zip(keep);
+        for (rows, _) in marked.filter(|(_, keep)| **keep) {
+            let start = kept.len();
+            let (from, to) = (rows.start, rows.end);
+            kept.observations
+                .extend_from_slice(&self.observations[from * OBSERVATION..to * OBSERVATION]);
+            kept.actions
+                .extend_from_slice(&self.actions[from * ACTION..to * ACTION]);
+            kept.rewards.extend_from_slice(&self.rewards[rows.clone()]);
+            kept.terminals
+                .extend_from_slice(&self.terminals[rows.clone()]);
+            kept.goals
+                .extend_from_slice(self.goals.get(rows.clone()).unwrap_or_default());
+            kept.episodes.push(start..kept.len());
+        }
+        kept
     }
 
     /// The data set without the rows at some places: what lies before and after such rows in an

@@ -9,13 +9,16 @@
 mod read;
 mod write;
 
-pub(crate) use read::from_reader;
+pub(crate) use read::{from_reader, read_with};
 pub use read::{read, read_bytes};
+pub(crate) use write::stage;
 pub use write::write;
 
 /// The file that holds the episodes.
 const MAIN: &str = "main_data.hdf5";
 /// The file beside it that describes them.
 const METADATA: &str = "metadata.json";
+/// All that a folder holds, by its path in it.
+pub(crate) const HOLDS: &[&str] = &["data/main_data.hdf5", "data/metadata.json"];
 /// Values of `observation` that are taken: all of a row but the place.
 const PROPRIOCEPTION: usize = crate::OBSERVATION - 2;

@@ -5,7 +5,11 @@
 
 mod npy;
 mod read;
+#[cfg(test)]
+mod tests;
 mod write;
 
+pub(crate) use read::read_with;
 pub use read::{read, read_bytes};
+pub(crate) use write::stage;
 pub use write::{validation_path, write};

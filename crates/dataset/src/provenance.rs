@@ -88,6 +88,8 @@ impl Made {
 
 #[cfg(test)]
 mod tests {
+    use durable::{Existing, Output};
+
     use super::*;
     use crate::{d4rl, made, minari};
 
@@ -113,7 +115,9 @@ mod tests {
             qpos: &[0.0; 7 * d4rl::QPOS],
             qvel: &[0.0; 7 * d4rl::QVEL],
         };
-        d4rl::write_made(&path, &rows, Some(&wanted)).unwrap();
+        let output = Output::file(&path, Existing::Refuse, &[]).unwrap();
+        let staged = d4rl::stage_rows(&output, &rows, Some(&wanted)).unwrap();
+        staged.place().unwrap();
         assert_eq!(Made::read(&path).unwrap(), Some(wanted));
         assert_eq!(d4rl::read(&path).unwrap().observations, data.observations);
         let plain = folder.path().join("plain.hdf5");

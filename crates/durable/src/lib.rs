@@ -3,15 +3,26 @@
 //! Everything that a run writes and may need again is written beside its place, synced and
 //! renamed; a process that is killed, a disk that fills up or a machine that loses power leaves
 //! the file of before. States are kept as the newest two, so that a damaged one has one before it.
+//!
+//! What a user names as an output goes through [`Output`], which replaces nothing unless told to.
 
+mod existing;
+mod output;
+mod staged;
 mod states;
+#[cfg(test)]
+mod tests;
 
+pub use output::{Existing, Output, OutputError};
+pub use staged::{Staged, discard_staged};
 pub use states::{Damaged, Newest, Stamp, StateError, States};
 
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+
+use output::folder;
 
 /// Writes a file beside `path`, syncs and renames it: it is there whole or not at all.
 ///
@@ -41,14 +52,8 @@ fn part(path: &Path) -> PathBuf {
     part.into()
 }
 
-fn folder(path: &Path) -> &Path {
-    path.parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-        .unwrap_or(Path::new("."))
-}
-
 #[cfg(test)]
-mod tests {
+mod writing {
     use super::*;
 
     #[test]

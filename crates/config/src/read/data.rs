@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::reader::{Document, Table};
-use crate::sections::{Collect, Dataset, Misfit};
+use crate::sections::{Collect, Dataset, Misfit, OnFault};
 use crate::value::Whole;
 
 pub(super) fn dataset(d: &mut Document<'_>, has_collect: bool) -> Dataset {
@@ -41,6 +41,13 @@ pub(super) fn dataset(d: &mut Document<'_>, has_collect: bool) -> Dataset {
             fit: match t.word("fit", "refuse", &["refuse", "warn"]).as_str() {
                 "warn" => Misfit::Warn,
                 _ => Misfit::Refuse,
+            },
+            on_fault: match t
+                .word("on_fault", "refuse", &["refuse", "drop-episode"])
+                .as_str()
+            {
+                "drop-episode" => OnFault::DropEpisode,
+                _ => OnFault::Refuse,
             },
         }
     })

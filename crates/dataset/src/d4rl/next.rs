@@ -1,6 +1,8 @@
 //! `next_observations`: the state after each row's action, which tells where episodes end.
 
 use crate::OBSERVATION;
+use crate::OnFault;
+use crate::fault::Faults;
 use crate::hdf5::{Key, Reader};
 
 /// Values this near each other are one (a share of the value, and an absolute one below 1).
@@ -14,7 +16,8 @@ pub(super) fn mark(
     observations: &[f32],
     last: &mut [bool],
 ) {
-    let Some(Ok([next])) = key.map(|key| reader.values([key])) else {
+    let Some(Ok([next])) = key.map(|key| reader.values([key], &Faults::new(OnFault::Refuse)))
+    else {
         return;
     };
     let rows = observations.chunks_exact(OBSERVATION).skip(1);

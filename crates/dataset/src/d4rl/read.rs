@@ -4,9 +4,14 @@ use std::fs;
 use std::path::Path;
 
 use super::next;
-use crate::hdf5::{Key, Reader, Width};
-use crate::replace::io_error;
-use crate::{ACTION, Dataset, DatasetError, OBSERVATION, episodes};
+use crate::error::io_error;
+use crate::fault::Faults;
+use crate::hdf5::{Key, OtherFiles, Reader, Width};
+use crate::{ACTION, Dataset, DatasetError, Dropped, OBSERVATION, OnFault, episodes};
+
+/// What is said where a key is missing.
+const LAYOUT: &str = "D4RL's layout wants observations, actions, rewards and terminals, Minari's \
+                      the groups episode_0, episode_1 and so on, OGBench's an npz file";
 
 /// Jump of the torso between two rows that only a reset can make (m).
 const JUMP: f32 = 5.0;
@@ -22,21 +27,27 @@ const JUMP: f32 = 5.0;
 /// # Errors
 /// Anything that is wrong with the file, by key and row.
 pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
-    read_bytes(path, fs::read(path).map_err(|error| io_error(path, error))?)
+    let bytes = fs::read(path).map_err(|error| io_error(path, error))?;
+    let reader = Reader::open(path, bytes, OtherFiles::Follow)?;
+    from_reader(&reader, OnFault::Refuse).map(|(data, _)| data)
 }
 
-/// [`read`] of a file's bytes; `path` is what errors name.
+/// [`read`] of a file's bytes; `path` is what errors name, and links to other files are refused.
 ///
 /// # Errors
 /// Anything that is wrong with them, by key and row.
 pub fn read_bytes(path: &Path, bytes: Vec<u8>) -> Result<Dataset, DatasetError> {
-    from_reader(&Reader::open(path, bytes)?)
+    let reader = Reader::open(path, bytes, OtherFiles::Refuse)?;
+    from_reader(&reader, OnFault::Refuse).map(|(data, _)| data)
 }
 
 /// [`read`] of an open file.
-pub(crate) fn from_reader(reader: &Reader<'_>) -> Result<Dataset, DatasetError> {
-    let root = reader.root();
-    let key = |name, rows, width| reader.key(&root, name, rows, Width::Exactly(width));
+pub(crate) fn from_reader(
+    reader: &Reader<'_>,
+    on_fault: OnFault,
+) -> Result<(Dataset, Dropped), DatasetError> {
+    let root = reader.root()?;
+    let key = |name, rows, width| reader.key(&root, name, rows, Width::Exactly(width), LAYOUT);
     let optional = |name, rows, width| reader.optional(&root, name, rows, Width::Exactly(width));
     // All shapes before any value: a length that is wrong then disagrees before it is allocated.
     let observations = key("observations", None, OBSERVATION)?;
@@ -49,28 +60,36 @@ pub(crate) fn from_reader(reader: &Reader<'_>) -> Result<Dataset, DatasetError> 
     if n == Some(0) {
         return Err(reader.refuse("no episode: its arrays have no row"));
     }
-    let one = |key: Option<Key>| {
-        let values = key.map(|key| reader.values([&key]));
+    let faults = Faults::new(on_fault);
+    let one = |key: Option<Key>, faults: &Faults| {
+        let values = key.map(|key| reader.values([&key], faults));
         values
             .transpose()
             .map(|values| values.map(|[values]| values))
     };
     let [observations, actions, rewards, terminals] =
-        reader.values([&observations, &actions, &rewards, &terminals])?;
+        reader.values([&observations, &actions, &rewards, &terminals], &faults)?;
     let mut last = jumps(&observations);
     let next = optional("next_observations", n, OBSERVATION).ok().flatten();
     next::mark(reader, next.as_ref(), &observations, &mut last);
-    for (last, timeout) in last.iter_mut().zip(one(timeouts)?.unwrap_or_default()) {
+    // Without the marks of their ends episodes cannot be told apart.
+    let ends = one(timeouts, &Faults::new(OnFault::Refuse))?;
+    for (last, timeout) in last.iter_mut().zip(ends.unwrap_or_default()) {
         *last |= timeout > 0.0;
     }
-    Ok(Dataset {
+    let data = Dataset {
         observations,
         actions,
         rewards,
         terminals: terminals.iter().map(|value| *value > 0.0).collect(),
         episodes: episodes(&last),
-        goals: one(goals)?.unwrap_or_default().as_chunks::<2>().0.to_vec(),
-    })
+        goals: one(goals, &faults)?
+            .unwrap_or_default()
+            .as_chunks::<2>()
+            .0
+            .to_vec(),
+    };
+    faults.drop_rows(reader.path(), data)
 }
 
 /// Whether the torso is elsewhere in the next row.

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use durable::{Existing, Output, Staged};
 use hdf5_pure::{DatasetBuilder, Datatype, EnumTypeBuilder, Error, FileBuilder};
 
 use super::{QPOS, QVEL};
-use crate::{ACTION, Dataset, DatasetError, Made, OBSERVATION, replace};
+use crate::{ACTION, Dataset, DatasetError, Made, OBSERVATION};
 
 /// Rows to write; all arrays flat.
 #[derive(Debug, Clone, Copy)]
@@ -64,36 +65,48 @@ const CHUNK: u64 = 8192;
 /// Deflate level: higher ones take minutes for a million rows and save little.
 const LEVEL: u32 = 1;
 
-/// Writes rows in D4RL's layout beside `path`, syncs and renames: `path` is whole or untouched.
+/// Writes rows in D4RL's layout to a path where nothing is: it is whole, or nothing.
 /// `infos/goal` is left out where there is no goal.
 ///
 /// # Errors
-/// Arrays of unequal length, and what the system or the format refuses.
+/// Arrays of unequal length, something at `path`, and what the system or the format refuses.
 pub fn write_rows(path: &Path, rows: &Rows<'_>) -> Result<(), DatasetError> {
-    write_made(path, rows, None)
+    rows.check(path)?;
+    let output = Output::file(path, Existing::Refuse, &[])?;
+    Ok(stage_rows(&output, rows, None)?.place()?)
 }
 
-/// [`write_rows`], with how they were made as attributes of the file's root.
+/// [`write_rows`], with how they were `made` as attributes of the file's root, up to the point where
+/// the file is put in its place.
 ///
 /// # Errors
-/// As [`write_rows`].
-pub fn write_made(path: &Path, rows: &Rows<'_>, made: Option<&Made>) -> Result<(), DatasetError> {
+/// Arrays of unequal length, and what the system or the format refuses.
+pub fn stage_rows(
+    output: &Output,
+    rows: &Rows<'_>,
+    made: Option<&Made>,
+) -> Result<Staged, DatasetError> {
+    let path = output.path();
     rows.check(path)?;
     let mut builder = layout(rows).map_err(|error| failed(path, error))?;
     if let Some(made) = made {
         made.write(&mut builder);
     }
-    replace::file(path, |file| {
-        builder.finish_to(file).map_err(|error| failed(path, error))
-    })
+    output.stage(|file| builder.finish_to(file).map_err(|error| failed(path, error)))
 }
 
 /// Writes a data set in D4RL's layout, as [`write_rows`] does. `infos/qpos` and `infos/qvel` are of
 /// the state after the action, which for an episode's last row is not known: its own stands there.
 ///
 /// # Errors
-/// What the system or the format refuses.
+/// Something at `path`, and what the system or the format refuses.
 pub fn write(path: &Path, data: &Dataset) -> Result<(), DatasetError> {
+    let output = Output::file(path, Existing::Refuse, &[])?;
+    Ok(stage(&output, data)?.place()?)
+}
+
+/// [`write()`], up to the point where the file is put in its place.
+pub(crate) fn stage(output: &Output, data: &Dataset) -> Result<Staged, DatasetError> {
     let mut timeouts = vec![0; data.len()];
     let (mut qpos, mut qvel) = (vec![], vec![]);
     for episode in &data.episodes {
@@ -105,19 +118,17 @@ pub fn write(path: &Path, data: &Dataset) -> Result<(), DatasetError> {
         }
     }
     let terminals: Vec<u8> = data.terminals.iter().map(|flag| u8::from(*flag)).collect();
-    write_rows(
-        path,
-        &Rows {
-            observations: &data.observations,
-            actions: &data.actions,
-            rewards: &data.rewards,
-            terminals: &terminals,
-            timeouts: &timeouts,
-            goals: data.goals.as_flattened(),
-            qpos: &qpos,
-            qvel: &qvel,
-        },
-    )
+    let rows = Rows {
+        observations: &data.observations,
+        actions: &data.actions,
+        rewards: &data.rewards,
+        terminals: &terminals,
+        timeouts: &timeouts,
+        goals: data.goals.as_flattened(),
+        qpos: &qpos,
+        qvel: &qvel,
+    };
+    stage_rows(output, &rows, None)
 }
 
 /// What hdf5-pure refused.

@@ -6,7 +6,7 @@ use config::{Config, Latent, Misfit};
 use maze::{CELL_SIZE, Layout, LayoutError};
 
 use super::{Expect, Number, Share, Unfit, check, suffices};
-use crate::{Dataset, DatasetError};
+use crate::{Dataset, DatasetError, Opened, open_with};
 
 /// Data, and what there is to say of them.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,7 +47,12 @@ pub enum LoadError {
 pub fn load_for(config: &Config) -> Result<Loaded, LoadError> {
     let path = Path::new(&config.dataset.path);
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
-    prepare(config, path, &layout, Dataset::open(path)?)
+    let Opened { data, dropped, .. } = open_with(path, config.dataset.on_fault)?;
+    let mut loaded = prepare(config, path, &layout, data)?;
+    if dropped.episodes > 0 {
+        loaded.notes.insert(0, dropped.to_string());
+    }
+    Ok(loaded)
 }
 
 fn prepare(

@@ -1,18 +1,24 @@
 //! Reads Minari's folders and files.
 
-use std::collections::HashMap;
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
 
 use super::{MAIN, METADATA, PROPRIOCEPTION};
-use crate::hdf5::{Folder, Key, Reader, Width, zeros};
-use crate::replace::io_error;
-use crate::{ACTION, Dataset, DatasetError, OBSERVATION, parallel};
+use crate::error::io_error;
+use crate::fault::Faults;
+use crate::hdf5::{Folder, Key, OtherFiles, Reader, Width, zeros};
+use crate::{ACTION, Dataset, DatasetError, Dropped, OBSERVATION, OnFault, parallel};
 
 /// What groups of episodes are named, before their number.
 const EPISODE: &str = "episode_";
+/// What is said where a key is missing.
+const LAYOUT: &str = "Minari's layout wants actions, rewards, terminations and truncations in each \
+                      episode, and observations with observation, achieved_goal and desired_goal";
+/// What some editors put before a text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Reads a folder that holds `main_data.hdf5`, itself or in `data/`, or such a file. The number of
 /// episodes must be that of `metadata.json`, if that is beside it in a folder.
@@ -22,18 +28,27 @@ const EPISODE: &str = "episode_";
 /// # Errors
 /// Anything that is wrong with the files, by key and row.
 pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
-    let format = |reason: String| DatasetError::Format {
-        path: path.to_path_buf(),
-        reason,
-    };
+    read_with(path, OnFault::Refuse).map(|(data, _)| data)
+}
+
+/// [`read`], and what becomes of faulty episodes.
+pub(crate) fn read_with(
+    path: &Path,
+    on_fault: OnFault,
+) -> Result<(Dataset, Dropped), DatasetError> {
+    let read = |path: &Path| fs::read(path).map_err(|error| io_error(path, error));
     if !path.is_dir() {
-        return read_bytes(path, fs::read(path).map_err(|error| io_error(path, error))?);
+        let reader = Reader::open(path, read(path)?, OtherFiles::Follow)?;
+        return from_reader(&reader, None, on_fault);
     }
     let folders = [path.to_path_buf(), path.join("data")];
     let Some(folder) = folders.iter().find(|folder| folder.join(MAIN).is_file()) else {
-        return Err(format(format!(
-            "no {MAIN} in this folder or in its data/; Minari's arrow format is not read"
-        )));
+        return Err(DatasetError::Format {
+            path: path.to_path_buf(),
+            reason: format!(
+                "no {MAIN} in this folder or in its data/; Minari's arrow format is not read"
+            ),
+        });
     };
     let (main, metadata) = (folder.join(MAIN), folder.join(METADATA));
     let told = match fs::read(&metadata) {
@@ -41,25 +56,37 @@ pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
         Err(error) => return Err(io_error(&metadata, error)),
     };
-    let bytes = fs::read(&main).map_err(|error| io_error(&main, error))?;
-    from_reader(&Reader::open(&main, bytes)?, told)
+    let reader = Reader::open(&main, read(&main)?, OtherFiles::Follow)?;
+    from_reader(&reader, told, on_fault)
 }
 
-/// [`read`] of a main file's bytes; `path` is what errors name.
+/// [`read`] of a main file's bytes; `path` is what errors name, and links to other files are
+/// refused.
 ///
 /// # Errors
 /// Anything that is wrong with them, by key and row.
 pub fn read_bytes(path: &Path, bytes: Vec<u8>) -> Result<Dataset, DatasetError> {
-    from_reader(&Reader::open(path, bytes)?, None)
+    let reader = Reader::open(path, bytes, OtherFiles::Refuse)?;
+    from_reader(&reader, None, OnFault::Refuse).map(|(data, _)| data)
 }
 
 /// Episodes that the metadata tell of.
 fn told_episodes(path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
-    let metadata: Value = serde_json::from_slice(bytes).map_err(|error| DatasetError::Format {
+    let metadata: Value = serde_json::from_slice(
+        bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes),
+    )
+    .map_err(|error| DatasetError::Format {
         path: path.to_path_buf(),
         reason: format!("not JSON: {error}"),
     })?;
-    let count = metadata.get("total_episodes").and_then(Value::as_u64);
+    // Some tools write whole numbers as 6.0.
+    let whole = |value: &Value| {
+        let real = value
+            .as_f64()
+            .filter(|real| real.fract() == 0.0 && *real >= 0.0);
+        value.as_u64().or(real.map(|real| real as u64))
+    };
+    let count = metadata.get("total_episodes").and_then(whole);
     count
         .and_then(|count| usize::try_from(count).ok())
         .ok_or_else(|| DatasetError::Key {
@@ -105,32 +132,15 @@ impl<'a> Flat<'a> {
 pub(crate) fn from_reader(
     reader: &Reader<'_>,
     told: Option<usize>,
-) -> Result<Dataset, DatasetError> {
-    let numbered = |folder: Folder| Some((folder.number(EPISODE)?, folder));
-    let mut folders: HashMap<usize, Folder> =
-        reader.folders()?.into_iter().filter_map(numbered).collect();
-    let count = folders.len();
-    if let Some(told) = told.filter(|told| *told != count) {
-        return Err(reader.refuse(format!(
-            "holds {count} episodes, its {METADATA} tells of {told}"
-        )));
-    }
-    if count == 0 {
-        return Err(reader.refuse("no episode: there is no group 'episode_0'"));
-    }
-    // The lengths of all episodes before any value, as each array's allocation needs them.
-    let mut found = Vec::with_capacity(count);
+    on_fault: OnFault,
+) -> Result<(Dataset, Dropped), DatasetError> {
+    let faults = Faults::new(on_fault);
+    let (found, of) = lengths(reader, told, &faults)?;
     let (mut episodes, mut rows) = (vec![], 0_usize);
-    for number in 0..count {
-        let Some(folder) = folders.remove(&number) else {
-            let reason = format!("is missing; episodes are numbered 0 to {}", count - 1);
-            return Err(reader.error(&format!("{EPISODE}{number}"), reason));
-        };
-        let actions = reader.key(&folder, "actions", None, Width::Exactly(ACTION))?;
+    for (_, _, actions) in &found {
         let end = rows.saturating_add(actions.rows).saturating_add(1);
         episodes.push(rows..end);
         rows = end;
-        found.push((folder, actions));
     }
     // Groups can share an array, so that each is sound and all together are not.
     if rows as u64 > reader.most() / OBSERVATION as u64 {
@@ -152,16 +162,77 @@ pub(crate) fn from_reader(
         terminals: &mut data.terminals,
         goals: &mut data.goals,
     };
-    let rooms = found.into_iter().map(|(folder, actions)| {
+    let numbers: Vec<usize> = found.iter().map(|(number, ..)| *number).collect();
+    let rooms = found.into_iter().map(|(number, folder, actions)| {
         let into = flat.take(actions.rows + 1);
-        Room {
+        let room = Room {
             folder,
             actions,
             into,
-        }
+        };
+        (number, room)
     });
-    parallel::each(rooms.collect(), |room| episode(reader, room))?;
-    Ok(data)
+    parallel::each(rooms.collect(), |(number, room)| {
+        episode(reader, room).or_else(|error| faults.note(number..number + 1, error))
+    })?;
+    faults.drop_numbers(reader.path(), data, &numbers, of)
+}
+
+/// Number, folder and actions of each episode whose length can be told, and how many episodes there
+/// are in all. All lengths come before any value, as the arrays' allocation needs them.
+fn lengths(
+    reader: &Reader<'_>,
+    told: Option<usize>,
+    faults: &Faults,
+) -> Result<(Vec<(usize, Folder, Key)>, usize), DatasetError> {
+    let present: BTreeSet<usize> = reader.numbered(EPISODE)?.into_iter().collect();
+    let count = present.len();
+    let of = present.last().map_or(0, |last| last.saturating_add(1));
+    let of = of.max(told.unwrap_or(0));
+    if count == 0 {
+        return Err(reader.refuse("no episode: there is no group 'episode_0'"));
+    }
+    if let Some(told) = told.filter(|told| *told != count) {
+        let error = reader.refuse(format!(
+            "holds {count} episodes, its {METADATA} tells of {told}"
+        ));
+        if told < count {
+            return Err(error);
+        }
+        faults.note(count..count + 1, error)?;
+    }
+    // Names are an outsider's: nobody counts to the greatest number there is.
+    if of > 2 * count + 1 {
+        let missing = (0..of)
+            .find(|number| !present.contains(number))
+            .unwrap_or(0);
+        let error = missing_episode(reader, missing, count);
+        return Err(faults.too_many(reader.path(), of - count, of, error));
+    }
+    let root = reader.root()?;
+    let mut found = Vec::with_capacity(count);
+    for number in 0..of {
+        let name = format!("{EPISODE}{number}");
+        let opened = if present.contains(&number) {
+            reader.folder(&root, &name).and_then(|folder| {
+                let width = Width::Exactly(ACTION);
+                let actions = reader.key(&folder, "actions", None, width, LAYOUT)?;
+                Ok((number, folder, actions))
+            })
+        } else {
+            Err(missing_episode(reader, number, count))
+        };
+        match opened {
+            Ok(episode) => found.push(episode),
+            Err(error) => faults.note(number..number + 1, error)?,
+        }
+    }
+    Ok((found, of))
+}
+
+fn missing_episode(reader: &Reader<'_>, number: usize, count: usize) -> DatasetError {
+    let reason = format!("is missing; episodes are numbered 0 to {}", count - 1);
+    reader.error(&format!("{EPISODE}{number}"), reason)
 }
 
 /// Reads one episode.
@@ -172,7 +243,10 @@ fn episode(reader: &Reader<'_>, room: Room<'_>) -> Result<(), DatasetError> {
         into,
     } = room;
     let steps = actions.rows;
-    let key = |name: &str, rows: usize, width| reader.key(&folder, name, Some(rows), width);
+    let key = |name: &str, rows: usize, width| reader.key(&folder, name, Some(rows), width, LAYOUT);
+    // A fault in an episode is one of all of it.
+    let faults = Faults::new(OnFault::Refuse);
+    let rows = |key: &Key, into: &mut [f32]| reader.rows(key, 0, into, &faults);
     let rewards = key("rewards", steps, Width::Exactly(1))?;
     let terminations = key("terminations", steps, Width::Exactly(1))?;
     key("truncations", steps, Width::Exactly(1))?;
@@ -185,12 +259,12 @@ fn episode(reader: &Reader<'_>, room: Room<'_>) -> Result<(), DatasetError> {
     let places = key("observations/achieved_goal", after, Width::Exactly(2))?;
     let goals = key("observations/desired_goal", after, Width::Exactly(2))?;
 
-    reader.rows(&actions, 0, &mut into.actions[..steps * ACTION])?;
-    reader.rows(&rewards, 0, &mut into.rewards[..steps])?;
-    reader.rows(&goals, 0, into.goals.as_flattened_mut())?;
+    rows(&actions, &mut into.actions[..steps * ACTION])?;
+    rows(&rewards, &mut into.rewards[..steps])?;
+    rows(&goals, into.goals.as_flattened_mut())?;
     let read = |key: &Key| -> Result<Vec<f32>, DatasetError> {
         let mut values = zeros(key.rows * key.width).map_err(|error| reader.refuse(error))?;
-        reader.rows(key, 0, &mut values)?;
+        rows(key, &mut values)?;
         Ok(values)
     };
     for (flag, value) in into.terminals.iter_mut().zip(read(&terminations)?) {

@@ -1,23 +1,24 @@
 //! Writes folders that Minari's package opens.
 
-use std::fs;
-use std::io::Write;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use durable::{Existing, Output, Staged};
 use hdf5_pure::{AttrValue, Error, FileBuilder, GroupBuilder};
 use serde_json::json;
 
-use super::{MAIN, METADATA, PROPRIOCEPTION};
+use super::{HOLDS, MAIN, METADATA, PROPRIOCEPTION};
 use crate::d4rl::{bools, compress, failed};
-use crate::replace::{self, io_error};
+use crate::error::io_error;
 use crate::{ACTION, Dataset, DatasetError, OBSERVATION};
 
 /// The oldest version of Minari whose layout this is; what newer ones ask of the metadata.
 const VERSION: &str = "0.5.0";
 
-/// Writes the folder `path`, with `data/main_data.hdf5` and `data/metadata.json`, beside it, syncs
-/// and renames. Minari finds it as the data set of the folder's name when `MINARI_DATASETS_PATH`
-/// names the folder around it.
+/// Writes the folder `path`, where nothing is, with `data/main_data.hdf5` and `data/metadata.json`:
+/// it is whole, or nothing. Minari finds it as the data set of the folder's name when
+/// `MINARI_DATASETS_PATH` names the folder around it.
 ///
 /// An episode of n rows has n - 1 actions here: its last row's action, reward and terminal are
 /// dropped, as no state follows them. Terminals become `terminations`; the end is a truncation
@@ -26,39 +27,32 @@ const VERSION: &str = "0.5.0";
 /// # Errors
 /// A path that is there already, and what the system or the format refuses.
 pub fn write(path: &Path, data: &Dataset) -> Result<(), DatasetError> {
-    if path.exists() {
-        return Err(DatasetError::Format {
-            path: path.to_path_buf(),
-            reason: "is there already; a folder is not overwritten, name another".to_owned(),
-        });
-    }
+    let output = Output::folder(path, Existing::Refuse, &[], HOLDS)?;
+    Ok(stage(&output, data)?.place()?)
+}
+
+/// [`write()`], up to the point where the folder is put in its place.
+pub(crate) fn stage(output: &Output, data: &Dataset) -> Result<Staged, DatasetError> {
+    let path = output.path();
     let main = layout(data).map_err(|error| failed(path, error))?;
-    let part = replace::part(path);
     let io = |source| io_error(path, source);
-    if part.exists() {
-        // Of a run that was killed.
-        fs::remove_dir_all(&part).map_err(io)?;
-    }
-    let inside = part.join("data");
-    let written = fs::create_dir_all(&inside).map_err(io).and_then(|()| {
-        replace::create(&inside.join(MAIN), path, |file| {
-            main.finish_to(file).map_err(|error| failed(path, error))
-        })?;
-        replace::create(&inside.join(METADATA), path, |file| {
-            let text = metadata(path, data);
-            file.write_all(text.as_bytes()).map_err(io)
-        })?;
-        replace::sync(&inside)
-            .and_then(|()| replace::sync(&part))
-            .and_then(|()| fs::rename(&part, path))
-            .and_then(|()| replace::sync(replace::folder(path)))
+    output.stage_folder(|folder| {
+        let inside = folder.join("data");
+        fs::create_dir(&inside).map_err(io)?;
+        let mut file = BufWriter::new(File::create(inside.join(MAIN)).map_err(io)?);
+        main.finish_to(&mut file)
+            .map_err(|error| failed(path, error))?;
+        file.flush()
+            .and_then(|()| file.get_ref().sync_all())
+            .map_err(io)?;
+        let mut file = File::create(inside.join(METADATA)).map_err(io)?;
+        file.write_all(metadata(path, data).as_bytes())
+            .and_then(|()| file.sync_all())
+            .map_err(io)?;
+        File::open(&inside)
+            .and_then(|inside| inside.sync_all())
             .map_err(io)
-    });
-    if written.is_err() {
-        // The part is of no use to anyone; that it cannot be removed changes nothing.
-        let _ = fs::remove_dir_all(part);
-    }
-    written
+    })
 }
 
 fn layout(data: &Dataset) -> Result<FileBuilder, Error> {

@@ -2,6 +2,8 @@
 
 use std::io::{self, Read};
 
+use crate::number::{Decode, Kind, decoder};
+
 /// What every array file begins with.
 const MAGIC: &[u8] = b"\x93NUMPY";
 /// Longest header that is believed; numpy's own are of 128 bytes, its reader stops at 10,000.
@@ -132,32 +134,25 @@ fn tuple(text: &str) -> Option<Vec<u64>> {
 }
 
 /// Bytes of a value of a type, and how one is read; none for types that are no real numbers.
-pub(super) fn number(descr: &str) -> Option<(usize, fn(&[u8]) -> f32)> {
-    /// A value of `$type` by `$from`; the caller hands as many bytes as it has.
-    macro_rules! of {
-        ($type:ty, $from:ident) => {
-            (size_of::<$type>(), |bytes: &[u8]| {
-                bytes
-                    .first_chunk()
-                    .map_or(f32::NAN, |bytes| <$type>::$from(*bytes) as f32)
-            })
-        };
-    }
-    Some(match descr {
-        "<f4" => of!(f32, from_le_bytes),
-        "<f8" => of!(f64, from_le_bytes),
-        ">f4" => of!(f32, from_be_bytes),
-        ">f8" => of!(f64, from_be_bytes),
-        "|b1" | "|u1" => of!(u8, from_le_bytes),
-        "|i1" => of!(i8, from_le_bytes),
-        "<i2" => of!(i16, from_le_bytes),
-        "<u2" => of!(u16, from_le_bytes),
-        "<i4" => of!(i32, from_le_bytes),
-        "<u4" => of!(u32, from_le_bytes),
-        "<i8" => of!(i64, from_le_bytes),
-        "<u8" => of!(u64, from_le_bytes),
+pub(super) fn number(descr: &str) -> Option<(usize, Decode)> {
+    let mut letters = descr.chars();
+    let (order, kind) = (letters.next()?, letters.next()?);
+    let size = letters.as_str().parse().ok()?;
+    let kind = match kind {
+        'f' => Kind::Float,
+        'i' => Kind::Signed,
+        'u' => Kind::Unsigned,
+        'b' if size == 1 => Kind::Unsigned,
         _ => return None,
-    })
+    };
+    let big_endian = match order {
+        '>' => true,
+        '<' => false,
+        // No order: a byte.
+        '|' if size == 1 => false,
+        _ => return None,
+    };
+    decoder(kind, size, big_endian).map(|decode| (size, decode))
 }
 
 #[cfg(test)]
@@ -251,11 +246,17 @@ mod tests {
             ("|b1", vec![1], 1.0),
             ("|i1", vec![0xff], -1.0),
             ("<i8", (-7_i64).to_le_bytes().to_vec(), -7.0),
+            (">i4", (-7_i32).to_be_bytes().to_vec(), -7.0),
+            (">u2", 700_u16.to_be_bytes().to_vec(), 700.0),
+            ("<f2", vec![0x00, 0x3e], 1.5),
+            (">f2", vec![0xc1, 0x00], -2.5),
         ] {
             let (size, value) = number(descr).unwrap();
             assert_eq!((size, value(&bytes)), (bytes.len(), expected), "{descr}");
         }
-        for descr in ["<f2", "<c8", "|S4", "<U3", "O"] {
+        for descr in [
+            "<f16", "<c8", "|S4", "<U3", "O", "|O", "<M8[ns]", "|f4", "<b4", "", "<", "<f", "=f4",
+        ] {
             assert!(number(descr).is_none(), "{descr}");
         }
     }

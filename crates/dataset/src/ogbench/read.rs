@@ -4,14 +4,21 @@ use std::fs;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use zip::ZipArchive;
+use zip::{CompressionMethod, ZipArchive};
 
 use super::npy;
-use crate::replace::io_error;
-use crate::{ACTION, Dataset, DatasetError, OBSERVATION, episodes, parallel};
+use crate::error::io_error;
+use crate::fault::Faults;
+use crate::{ACTION, Dataset, DatasetError, Dropped, OBSERVATION, OnFault, episodes, parallel};
 
 /// No deflated byte stands for more than 1032 bytes (zlib's technical notes).
 const INFLATION: u64 = 1032;
+
+/// Entries of the archive that an error tells at most.
+const NAMES: usize = 12;
+/// What is said where an array is missing.
+const LAYOUT: &str = "OGBench's layout wants observations, actions and terminals, D4RL's and \
+                      Minari's an HDF5 file";
 
 /// Values that are decoded at a time.
 const BLOCK: usize = 1 << 14;
@@ -34,6 +41,16 @@ pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
 /// # Errors
 /// Anything that is wrong with them, by key and row.
 pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Dataset, DatasetError> {
+    read_with(path, bytes, OnFault::Refuse).map(|(data, _)| data)
+}
+
+/// [`read_bytes`], and what becomes of faulty episodes.
+pub(crate) fn read_with(
+    path: &Path,
+    bytes: &[u8],
+    on_fault: OnFault,
+) -> Result<(Dataset, Dropped), DatasetError> {
+    let faults = Faults::new(on_fault);
     let refuse = |reason: String| DatasetError::Format {
         path: path.to_path_buf(),
         reason,
@@ -49,8 +66,15 @@ pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Dataset, DatasetError> {
     let jobs = names.into_iter().zip(&mut arrays).collect();
     parallel::each(jobs, |((name, width), values): (_, &mut Vec<f32>)| {
         let entry = Entry { path, name, width };
-        *values = entry.values(&mut archive.clone())?;
-        Ok(())
+        // Without the marks of their ends episodes cannot be told apart.
+        let strict = Faults::new(OnFault::Refuse);
+        let faults = if name == "terminals" {
+            &strict
+        } else {
+            &faults
+        };
+        *values = entry.values(&mut archive.clone(), faults)?;
+        Ok::<(), DatasetError>(())
     })?;
     let [observations, actions, terminals] = arrays;
     let rows = observations.len() / OBSERVATION;
@@ -72,14 +96,15 @@ pub fn read_bytes(path: &Path, bytes: &[u8]) -> Result<Dataset, DatasetError> {
         return Err(refuse("no episode: its arrays have no row".to_owned()));
     }
     let ends: Vec<bool> = terminals.iter().map(|value| *value > 0.0).collect();
-    Ok(Dataset {
+    let data = Dataset {
         observations,
         actions,
         rewards: vec![0.0; rows],
         terminals: vec![false; rows],
         episodes: episodes(&ends),
         goals: vec![],
-    })
+    };
+    faults.drop_rows(path, data)
 }
 
 /// An array of the archive.
@@ -111,16 +136,55 @@ impl Entry<'_> {
         }
     }
 
-    /// All values, row by row.
-    fn values(&self, archive: &mut ZipArchive<Cursor<&[u8]>>) -> Result<Vec<f32>, DatasetError> {
-        let mut file = match archive.by_name(&format!("{}.npy", self.name)) {
-            Ok(file) => file,
-            Err(zip::result::ZipError::FileNotFound) => {
-                let reason = "is missing; the layout has it, is this a file of another kind?";
-                return Err(self.error(reason));
-            }
-            Err(error) => return Err(self.error(error)),
+    /// The number of the archive's entry that holds the array: `NAME.npy`, as numpy has it, or that
+    /// within a folder.
+    fn entry(&self, archive: &ZipArchive<Cursor<&[u8]>>) -> Result<usize, DatasetError> {
+        let file = format!("{}.npy", self.name);
+        let within = format!("/{file}");
+        if let Some(number) = archive.index_for_name(&file) {
+            return Ok(number);
+        }
+        // A name that is no text is none of numpy's.
+        let mut names: Vec<_> = archive.file_names().flatten().collect();
+        let mut found = names.iter().filter(|name| name.ends_with(&within));
+        if let (Some(name), None) = (found.next(), found.next())
+            && let Some(number) = archive.index_for_name(name)
+        {
+            return Ok(number);
+        }
+        names.sort_unstable();
+        let more = names.len().saturating_sub(NAMES);
+        names.truncate(NAMES);
+        let more = if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
         };
+        let names = names.join(", ");
+        Err(self.error(format!("is missing among {names}{more}; {LAYOUT}")))
+    }
+
+    /// All values, row by row.
+    fn values(
+        &self,
+        archive: &mut ZipArchive<Cursor<&[u8]>>,
+        faults: &Faults,
+    ) -> Result<Vec<f32>, DatasetError> {
+        let number = self.entry(archive)?;
+        let method = archive.by_index_raw(number).map(|file| file.compression());
+        let method = method.map_err(|error| self.error(error))?;
+        if !matches!(
+            method,
+            CompressionMethod::Stored | CompressionMethod::Deflated
+        ) {
+            return Err(self.error(format!(
+                "is compressed with {method}, which is not read; np.savez_compressed('new.npz', \
+                 **np.load('old.npz')) writes one that is"
+            )));
+        }
+        let mut file = archive
+            .by_index(number)
+            .map_err(|error| self.error(error))?;
         let most = file.compressed_size().saturating_mul(INFLATION);
         let head = npy::header(&mut file).map_err(|reason| self.error(reason))?;
         // Flags come as (n,) and as (n, 1).
@@ -167,14 +231,17 @@ impl Entry<'_> {
                 .map(|at| columns[at % self.width * rows + at / self.width])
                 .collect();
         }
-        match values.iter().position(|value| !value.is_finite()) {
-            Some(at) => Err(DatasetError::NotFinite {
-                path: self.path.to_path_buf(),
-                key: self.name.to_owned(),
-                row: at / self.width,
-            }),
-            None => Ok(values),
+        for (row, values) in values.chunks_exact(self.width).enumerate() {
+            if !values.iter().all(|value| value.is_finite()) {
+                let error = DatasetError::NotFinite {
+                    path: self.path.to_path_buf(),
+                    key: self.name.to_owned(),
+                    row,
+                };
+                faults.note(row..row + 1, error)?;
+            }
         }
+        Ok(values)
     }
 }
 

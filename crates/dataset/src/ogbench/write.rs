@@ -4,12 +4,13 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use durable::{Existing, Output, Staged};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::npy;
 use crate::d4rl::{QPOS, QVEL};
-use crate::replace::{self, io_error};
+use crate::error::io_error;
 use crate::{ACTION, Dataset, DatasetError, OBSERVATION};
 
 /// Deflate level: higher ones take long and save little.
@@ -18,19 +19,26 @@ const LEVEL: i64 = 1;
 /// Values that are encoded at a time.
 const BLOCK: usize = 1 << 14;
 
-/// Writes a file in OGBench's layout beside `path`, syncs and renames: `path` is whole or
-/// untouched. Rewards, terminals and goals have no place in it.
+/// Writes a file in OGBench's layout to a path where nothing is: it is whole, or nothing. Rewards,
+/// terminals and goals have no place in it.
 ///
 /// # Errors
-/// What the system or the format refuses.
+/// Something at `path`, and what the system or the format refuses.
 pub fn write(path: &Path, data: &Dataset) -> Result<(), DatasetError> {
+    let output = Output::file(path, Existing::Refuse, &[])?;
+    Ok(stage(&output, data)?.place()?)
+}
+
+/// [`write()`], up to the point where the file is put in its place.
+pub(crate) fn stage(output: &Output, data: &Dataset) -> Result<Staged, DatasetError> {
+    let path = output.path();
     let n = data.len();
     let ends = data.episodes.iter().map(|episode| episode.end - 1);
     let mut terminals = vec![0; n];
     ends.for_each(|row| terminals[row] = 1);
     let states = || data.observations.chunks_exact(OBSERVATION);
     let all = |from: usize, to: usize| states().flat_map(move |state| &state[from..to]).copied();
-    replace::file(path, |file| {
+    output.stage(|file| {
         let mut archive = Archive {
             path,
             zip: ZipWriter::new(file),
