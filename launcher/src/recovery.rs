@@ -125,10 +125,9 @@ pub(crate) fn sweep(run: &Path, actors: usize) -> usize {
                 continue;
             }
             let again = folder.join(format!("{episode}.mcap")).exists();
-            match again || salvage(&part, &mut recovered) {
-                true => drop(std::fs::remove_file(&part)),
-                // It stays for another attempt.
-                false => {}
+            // What could not be salvaged stays for another attempt.
+            if again || salvage(&part, &mut recovered) {
+                let _ = std::fs::remove_file(&part);
             }
         }
     }

@@ -42,7 +42,7 @@ pub(crate) fn read(path: &Path) -> Result<String, (usize, String)> {
         );
         return Err(whole(message));
     }
-    decode(bytes)
+    decode(&bytes)
 }
 
 fn unreadable(path: &Path, error: &std::io::Error) -> String {
@@ -66,7 +66,7 @@ fn unreadable(path: &Path, error: &std::io::Error) -> String {
 }
 
 /// The bytes as text, or what they are instead.
-fn decode(bytes: Vec<u8>) -> Result<String, (usize, String)> {
+fn decode(bytes: &[u8]) -> Result<String, (usize, String)> {
     let line = |at: usize| {
         let before = bytes.get(..at).unwrap_or_default();
         1 + before.iter().filter(|byte| **byte == b'\n').count()
@@ -80,7 +80,7 @@ fn decode(bytes: Vec<u8>) -> Result<String, (usize, String)> {
         let message = "a zero byte; a run file is TOML text, is it another kind of file?";
         return Err((line(at), message.to_owned()));
     }
-    let after_mark = bytes.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(&bytes);
+    let after_mark = bytes.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(bytes);
     match std::str::from_utf8(after_mark) {
         Ok(text) if text.contains('\r') && !text.contains('\n') => Err((
             0,
@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn other_encodings_are_called_by_their_names() {
-        let told = |bytes: &[u8]| decode(bytes.to_vec()).unwrap_err();
+        let told = |bytes: &[u8]| decode(bytes).unwrap_err();
         for big in [false, true] {
             for text in ["[run]\nseed = 3\n", "\u{feff}[run]\nseed = 3\n"] {
                 assert!(told(&utf16(text, big)).1.contains("UTF-16"), "{text}");
@@ -124,11 +124,8 @@ mod tests {
         assert!(message.contains("0xE4 is not UTF-8"), "{message}");
         assert_eq!(told(b"[run]\nseed = \0\n").0, 2);
         assert!(told(b"[run]\rseed = 3\r").1.contains("CR alone"));
-        assert_eq!(
-            decode(b"\xef\xbb\xbf[run]\r\n".to_vec()).unwrap(),
-            "[run]\r\n"
-        );
-        assert_eq!(decode(vec![]).unwrap(), "");
+        assert_eq!(decode(b"\xef\xbb\xbf[run]\r\n").unwrap(), "[run]\r\n");
+        assert_eq!(decode(&[]).unwrap(), "");
     }
 
     #[test]

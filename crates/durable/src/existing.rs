@@ -37,7 +37,7 @@ pub(crate) fn only(folder: &Path, files: &[&str]) -> io::Result<bool> {
             let name = path.strip_prefix(folder).unwrap_or(&path);
             let there = fs::symlink_metadata(&path)?;
             let known = |file: &&str| Path::new(file).starts_with(name);
-            if there.is_dir() && files.iter().any(|file| known(file)) {
+            if there.is_dir() && files.iter().any(known) {
                 within.push(path);
             } else if !there.is_file() || !files.iter().any(|file| Path::new(file) == name) {
                 return Ok(false);
