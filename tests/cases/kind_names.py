@@ -55,13 +55,14 @@ def all_commands_take_a_run_by_name_folder_and_link(bench):
     run = bench.small_run()
     (bench.folder / "link").symlink_to("runs/small")
     (bench.folder / "elsewhere").mkdir()
-    for cwd, given in [
+    ways = [
         (".", "small"), (".", "small/"), (".", "latest"), (".", "runs/latest/"), (".", "link"), (".", str(run)),
         ("elsewhere", "../link"), ("elsewhere", "../runs/latest"), ("runs", "small"), ("runs/small", "."),
-    ]:
+    ]
+    for i, (cwd, given) in enumerate(ways):
         folder = bench.folder / cwd
-        bench.formica("curves", given, "--out", bench.folder / "c.svg", cwd=folder).succeeds()
-        bench.formica("report", given, "--out", bench.folder / "r.html", cwd=folder).succeeds()
+        bench.formica("curves", given, "--out", bench.folder / f"{i}.svg", cwd=folder).succeeds()
+        bench.formica("report", given, "--out", bench.folder / f"{i}.html", cwd=folder).succeeds()
         bench.formica("launch", "--resume", given, cwd=folder).succeeds("is finished")
         bench.formica("actor", "--attach", given, cwd=folder).fails(1, "not alive")
     assert os.readlink(bench.folder / "runs" / "latest") == "small"
@@ -71,11 +72,11 @@ def all_commands_take_a_run_by_name_folder_and_link(bench):
 def latest_is_healed_and_never_points_to_itself(bench):
     bench.small_run()
     latest = bench.folder / "runs" / "latest"
-    for target in ["latest", "gone"]:
+    for episodes, target in [(9, "latest"), (10, "gone")]:
         latest.unlink()
         latest.symlink_to(target)
         bench.formica("curves", "latest").fails(1, "is a link to " + target, "small")
-        bench.formica("launch", "--resume", "small", "--set", "evaluation.episodes=" + str(9 + len(target))).succeeds()
+        bench.formica("launch", "--resume", "small", "--set", f"evaluation.episodes={episodes}").succeeds()
         assert os.readlink(latest) == "small"
 
 

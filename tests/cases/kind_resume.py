@@ -75,7 +75,7 @@ def a_run_goes_on_from_anywhere_after_it_was_moved(bench):
     bench.write("a/small.toml", SMALL)
     bench.shell(
         'cd a; "$F" launch small.toml --set low.updates=3000 & until [ -f runs/small/checkpoints/encoder.safetensors ]; '
-        "do sleep 0.1; done; kill -INT $!; wait $!"
+        "do sleep 0.1; done; kill -TERM $!; wait $!"
     ).fails(130, "ended by signal")
     (bench.folder / "a").rename(bench.folder / "b")
     for part in ["logs", "traces"]:
