@@ -22,7 +22,7 @@ const COMMANDS: [(&str, &str); 14] = [
     ("collect", "NEW.toml"),
     ("dataset", "info data.hdf5"),
     ("ceiling", "small.toml --episodes 1"),
-    ("curves", "small"),
+    ("curves", "small --out NEW.svg"),
     ("inspect", "runs/small"),
     ("replay", "runs/small/traces/episode-0000.mcap"),
     (

@@ -1,4 +1,6 @@
 """Life in a shell: signals, pipes, terminals, full disks, and a binary that is replaced."""
+import re
+
 from harness import SMALL, case
 
 # A run of every part, as short as it can be.
@@ -16,11 +18,11 @@ COMMANDS = """
 launch --help
 check small.toml
 dataset info data.hdf5
-curves small
+curves small --force
 inspect runs/small
 inspect --json runs/small
 replay runs/small/traces/episode-0000.mcap
-report small --out r.html
+report small --out r.html --force
 doctor
 """.strip().splitlines()
 
@@ -100,10 +102,10 @@ def nohup_keeps_a_run_alive_when_its_terminal_is_gone(bench):
 
 @case("pytorch#67538")
 def nohup_keeps_a_collection_alive(bench):
-    bench.write("small.toml", QUICK.replace("6000", "60000"))
+    bench.write("small.toml", QUICK.replace("6000", "20000"))
     told = bench.shell(
         """nohup $F collect small.toml >log 2>&1 & run=$!
-        sleep 0.7; kill -HUP $run; kill -INT $run; wait $run; echo $?"""
+        sleep 0.4; kill -HUP $run; kill -INT $run; wait $run; echo $?"""
     )
     # In a script a job in the background ignores SIGINT from the start.
     assert told.out == "0\n" and (bench.folder / "data.hdf5").is_file(), told
@@ -125,20 +127,16 @@ def a_binary_that_is_replaced_under_a_run_still_starts_its_processes(bench):
 @case("-")
 def a_run_that_is_stopped_and_continued_goes_on_at_its_pace(bench):
     bench.write("small.toml", QUICK.replace("seconds = 0.5", "seconds = 5.0"))
-    for signal in ("TSTP", "STOP"):
-        told = bench.shell(
-            f"""$F launch small.toml --set run.name={signal} --set actor.hung_seconds=2 \
-              --set learner.hung_seconds=2 --set graph_builder.hung_seconds=2 >log 2>&1 & run=$!
-            until grep -q 'steps/s' log; do sleep 0.05; done
-            kill -{signal} $run; sleep 4; ps -o stat= --ppid $run | sort | uniq -c >stopped
-            kill -CONT $run; wait $run; echo $?"""
-        )
-        log = (bench.folder / "log").read_text()
-        assert told.out == "0\n" and "restarts" not in log, f"{told}\n{log}"
-        rates = [float(part.split(" at ")[1].split()[0]) for line in log.splitlines() for part in line.split(" | ") if part.endswith("steps/s")]
-        assert rates and max(rates) < 1e5, f"{rates}\n{log}"
-        stopped = (bench.folder / "stopped").read_text()
-        assert signal == "STOP" or all(" T" in line for line in stopped.splitlines()), stopped
+    told = bench.shell(
+        """$F launch small.toml --set actor.hung_seconds=2 --set learner.hung_seconds=2 \
+          --set graph_builder.hung_seconds=2 >log 2>&1 & run=$!
+        until grep -q 'steps/s' log; do sleep 0.05; done
+        kill -STOP $run; sleep 4; kill -CONT $run; wait $run; echo $?"""
+    )
+    log = (bench.folder / "log").read_text()
+    assert told.out == "0\n" and "restarts" not in log, f"{told}\n{log}"
+    rates = [float(rate) for rate in re.findall(r" at (\S+) steps/s", log)]
+    assert rates and max(rates) < 1e5, f"{rates}\n{log}"
 
 
 @case("gh-cli#1208, clig.dev")
