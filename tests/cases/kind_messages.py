@@ -28,7 +28,7 @@ def a_system_error_is_told_once_with_its_path(bench):
     ):
         told = bench.formica(*command)
         assert told.code in (1, 2) and told.err.startswith("formica: "), told
-        assert path in told.err and len(re.findall("[Nn]o such file", told.err)) == 1, told
+        assert path in told.err and len(re.findall("[Nn]o such file|there is no", told.err)) == 1, told
 
 
 @case("-")
