@@ -29,7 +29,9 @@ fn garbage_on_every_channel_is_refused_at_the_door() {
     let reporter = Reporter::new(&bus).unwrap();
     let claim = bus.claim_any(2).unwrap();
     let actor = claim.actor;
-    let mut sender = TrajectorySender::connect(&bus, claim, Duration::from_secs(20)).unwrap();
+    let mut sender = TrajectorySender::connect(&bus, claim, Duration::from_secs(20), &|| false)
+        .unwrap()
+        .unwrap();
     let garbage = [
         Transition {
             reward: f32::NAN,

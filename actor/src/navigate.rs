@@ -119,6 +119,10 @@ pub(crate) fn run(
         ..Status::default()
     };
     reporter.status(&status);
+    let sender = TrajectorySender::connect(bus, claim, Duration::from_secs(120), stopped)?;
+    let Some(sender) = sender else {
+        return Ok(Drained::NOTHING);
+    };
     let mut actor = Actor {
         config,
         layout,
@@ -128,7 +132,7 @@ pub(crate) fn run(
         navigator: None,
         versions: [0; 3],
         wanted: None,
-        sender: TrajectorySender::connect(bus, claim, Duration::from_secs(120))?,
+        sender,
         directives: DirectiveSubscriber::new(bus)?,
         reporter,
         status,

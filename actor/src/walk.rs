@@ -192,7 +192,10 @@ pub(crate) fn run(
         ..Status::default()
     };
     reporter.status(&status);
-    let mut sender = TrajectorySender::connect(bus, claim, Duration::from_secs(60))?;
+    let sender = TrajectorySender::connect(bus, claim, Duration::from_secs(60), stopped)?;
+    let Some(mut sender) = sender else {
+        return Ok(Drained::NOTHING);
+    };
     let mut subscriber = WeightsSubscriber::new(bus, Module::Walker)?;
 
     let policy = Policy::new(&w.hidden);

@@ -58,8 +58,13 @@ impl Actor {
             self.samples.pop_back();
         }
         self.samples.push_back((now, steps));
-        let old = |(at, _): &(Instant, u64)| now.saturating_duration_since(*at) > WINDOW;
-        while self.samples.len() > 2 && self.samples.front().is_some_and(old) {
+        let ago = |at: Instant| now.saturating_duration_since(at);
+        // What is left tells a rate: the newest sample is not all that there is.
+        while let (Some((first, _)), Some((second, _))) =
+            (self.samples.front(), self.samples.get(1))
+            && ago(*first) > WINDOW
+            && ago(*second) >= LEAST
+        {
             self.samples.pop_front();
         }
     }

@@ -76,12 +76,27 @@ pub struct Drained {
     pub acknowledged: bool,
 }
 
+impl Drained {
+    /// Of an actor that left before it sent anything.
+    pub const NOTHING: Self = Self {
+        trajectories: 0,
+        transitions: 0,
+        acknowledged: true,
+    };
+}
+
 impl TrajectorySender {
-    /// Joins as an actor and says hello until every required reader has answered.
+    /// Joins as an actor and says hello until every required reader has answered; none once
+    /// `stopped` says so.
     ///
     /// # Errors
     /// [`WireError::NoAnswer`] after the deadline, a port that cannot be made.
-    pub fn connect(bus: &Bus, claim: Claim, deadline: Duration) -> Result<Self, WireError> {
+    pub fn connect(
+        bus: &Bus,
+        claim: Claim,
+        deadline: Duration,
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<Option<Self>, WireError> {
         let limits = bus.limits();
         let topic = bus.trajectories()?;
         let publisher = bus.port("trajectories", "get a publisher", || {
@@ -123,6 +138,9 @@ impl TrajectorySender {
         for (greeting, repeat) in [(0, REPEAT), (1, SECOND_REPEAT)] {
             let mut said: Option<Instant> = None;
             while sender.oldest() <= greeting {
+                if stopped() {
+                    return Ok(None);
+                }
                 if waited > deadline {
                     let reader = sender.silent(greeting).map_or("a reader", Reader::name);
                     let seconds = deadline.as_secs_f64();
@@ -146,7 +164,7 @@ impl TrajectorySender {
         }
         sender.next = 2;
         sender.moved = Instant::now();
-        Ok(sender)
+        Ok(Some(sender))
     }
 
     fn silent(&self, greeting: u64) -> Option<Reader> {
@@ -592,6 +610,25 @@ mod tests {
     use crate::domain::RunDomain;
     use crate::limits::tests::limits;
 
+    fn connected(bus: &Bus, claim: Claim, deadline: Duration) -> TrajectorySender {
+        let sender = TrajectorySender::connect(bus, claim, deadline, &|| false);
+        sender.unwrap().unwrap()
+    }
+
+    #[test]
+    fn an_actor_that_is_stopped_waits_for_no_answer() {
+        let domain = RunDomain::create().unwrap();
+        let host = Bus::host(&domain, &limits()).unwrap();
+        let start = Instant::now();
+        let stopped = || start.elapsed() > Duration::from_millis(50);
+        let claim = host.claim(0).unwrap();
+        let sender = TrajectorySender::connect(&host, claim, Duration::from_secs(60), &stopped);
+        assert!(sender.unwrap().is_none());
+        assert!(start.elapsed() < Duration::from_secs(5));
+        drop(host);
+        domain.remove();
+    }
+
     fn step(value: f32) -> Transition {
         Transition {
             reward: value,
@@ -618,7 +655,7 @@ mod tests {
                 let deadline = Duration::from_secs(20);
                 let claim = bus.claim(0).unwrap();
                 assert!(matches!(bus.claim(0), Err(WireError::Taken(0))));
-                let mut sender = TrajectorySender::connect(&bus, claim, deadline).unwrap();
+                let mut sender = connected(&bus, claim, deadline);
                 for i in 0..each {
                     assert!(sender.wait_credit(deadline));
                     let header = TrajectoryHeader::default();
@@ -719,9 +756,7 @@ mod tests {
                 scope.spawn(move || {
                     let bus = Bus::join(&domain, &format!("actor-{actor}")).unwrap();
                     let deadline = Duration::from_secs(10);
-                    let mut sender =
-                        TrajectorySender::connect(&bus, bus.claim(actor).unwrap(), deadline)
-                            .unwrap();
+                    let mut sender = connected(&bus, bus.claim(actor).unwrap(), deadline);
                     for i in 0..each {
                         assert!(sender.wait_credit(deadline));
                         let header = TrajectoryHeader::default();
@@ -772,8 +807,7 @@ mod tests {
             scope.spawn(move || {
                 let bus = Bus::join(&RunDomain::open(&id).unwrap(), "actor-0").unwrap();
                 let claim = bus.claim(0).unwrap();
-                let mut sender =
-                    TrajectorySender::connect(&bus, claim, Duration::from_secs(10)).unwrap();
+                let mut sender = connected(&bus, claim, Duration::from_secs(10));
                 let mut sent = 0;
                 while sent < 100 && sender.wait_credit(Duration::from_millis(300)) {
                     let header = TrajectoryHeader::default();
@@ -812,10 +846,14 @@ mod tests {
     fn nobody_at_home_is_an_error_with_a_name() {
         let domain = RunDomain::create().unwrap();
         let host = Bus::host(&domain, &limits()).unwrap();
-        let error =
-            TrajectorySender::connect(&host, host.claim(0).unwrap(), Duration::from_millis(150))
-                .err()
-                .unwrap();
+        let error = TrajectorySender::connect(
+            &host,
+            host.claim(0).unwrap(),
+            Duration::from_millis(150),
+            &|| false,
+        )
+        .err()
+        .unwrap();
         assert!(
             matches!(
                 error,
