@@ -129,7 +129,7 @@ pub fn suffices(data: &Dataset, expect: &Expect<'_>) -> Result<(), Unfit> {
     let longest = longest.unwrap_or(0);
     if let Some(&(key, lag)) = expect.lags.iter().find(|(_, lag)| longest <= *lag) {
         let why = if longest <= 1 && data.len() > 1 {
-            " row; do 'timeouts' mark every row as an end?"
+            " row ('timeouts' mark every row as an end)"
         } else {
             " rows"
         };

@@ -62,7 +62,11 @@ impl Made {
             reason: format!("its attributes cannot be read: {error}"),
         })?;
         let text = |name: &str| match attributes.get(name) {
-            Some(AttrValue::String(text) | AttrValue::AsciiString(text)) => text.clone(),
+            Some(
+                AttrValue::VarLenString(text)
+                | AttrValue::String(text)
+                | AttrValue::AsciiString(text),
+            ) => text.clone(),
             _ => String::new(),
         };
         let made = Self {
@@ -81,7 +85,8 @@ impl Made {
 
     pub(crate) fn write(&self, builder: &mut FileBuilder) {
         for (name, value) in self.attributes() {
-            builder.set_attr(name, AttrValue::String(value.to_owned()));
+            // Which h5py hands back as a str.
+            builder.set_attr(name, AttrValue::VarLenString(value.to_owned()));
         }
     }
 }

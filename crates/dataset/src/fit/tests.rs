@@ -384,7 +384,7 @@ fn too_short_and_still_data_are_refused() {
     let wanted = "no episode has more rows than graph.lag = 15: the longest of 40 has 10 rows";
     assert!(why.starts_with(wanted), "{why}");
     short.episodes = (0..400).map(|row| row..row + 1).collect();
-    assert!(told(&short).contains("do 'timeouts' mark every row as an end?"));
+    assert!(told(&short).contains("('timeouts' mark every row as an end)"));
     let mut still = data;
     let first = still.observations[..OBSERVATION].to_vec();
     still
