@@ -178,7 +178,7 @@ fn pair(text: &str) -> Result<(String, String), String> {
 fn main() -> ExitCode {
     // Where it cannot be done, such a file ends the process as it would have.
     let _ = allowance::outlive_small_files();
-    output::listen(role::launcher().is_some());
+    output::listen();
     let code = match Cli::try_parse() {
         Ok(cli) => run(cli.command).unwrap_or_else(|error| {
             log::error!("{}", fault::sentence(&error));

@@ -24,7 +24,7 @@ use std::time::Duration;
 use queue::Queue;
 use stream::Stream;
 
-pub(crate) use remarks::listen;
+pub(crate) use remarks::{keep_log, listen};
 
 /// Without a line written for so long, the end does not wait for a reader any more.
 const PATIENCE: Duration = Duration::from_secs(2);

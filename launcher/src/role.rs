@@ -20,12 +20,6 @@ pub(crate) const LAUNCHER: &str = "FORMICA_LAUNCHER";
 /// From the wish to stop to the end of a process that does not heed it.
 const GRACE: Duration = Duration::from_secs(3);
 
-/// The process that this one was started by, where that is a launcher.
-pub(crate) fn launcher() -> Option<Pid> {
-    let pid = std::env::var(LAUNCHER).ok()?;
-    Pid::from_raw(pid.parse().ok()?)
-}
-
 /// Runs a role; `stop` is set by SIGINT, SIGTERM and the launcher's death. One that was not
 /// `launched` has no launcher, whatever its environment says.
 pub(crate) fn run(
@@ -33,7 +27,8 @@ pub(crate) fn run(
     work: impl FnOnce(&Arc<AtomicBool>) -> anyhow::Result<()>,
 ) -> anyhow::Result<ExitCode> {
     let stop = Arc::new(AtomicBool::new(false));
-    let launcher = launched.then(launcher).flatten();
+    let launcher = launched.then(|| std::env::var(LAUNCHER).ok()).flatten();
+    let launcher = launcher.and_then(|pid| Pid::from_raw(pid.parse().ok()?));
     let signals = match launcher {
         // Its launcher speaks by them.
         Some(_) => vec![SIGINT, SIGTERM],
@@ -41,6 +36,9 @@ pub(crate) fn run(
     };
     for signal in signals {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
+    }
+    if launcher.is_some() {
+        output::keep_log();
     }
     // Else it is known by the name of the link that it was started by.
     let _ = rustix::thread::set_name(c"formica");

@@ -1,7 +1,7 @@
 //! What all crates say by the `log` crate: in a command, warnings on standard error and the rest
 //! on standard output; in a process of a run, lines with time and level for its log.
 
-use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use log::{Level, LevelFilter, Log, Metadata, Record};
@@ -27,22 +27,24 @@ const OWN: [&str; 13] = [
     "wire",
 ];
 
-/// Writes what is said.
-struct Remarks {
-    /// Into a log, with time and level.
-    stamped: bool,
-}
+/// Whether what is said is a line of a log.
+static STAMPED: AtomicBool = AtomicBool::new(false);
 
-/// Has what is said by the `log` crate written; for a log, with time and level. So is a panic.
-pub(crate) fn listen(stamped: bool) {
-    static REMARKS: OnceLock<Remarks> = OnceLock::new();
-    if log::set_logger(REMARKS.get_or_init(|| Remarks { stamped })).is_ok() {
+/// Writes what is said.
+struct Remarks;
+
+/// Has what is said by the `log` crate written.
+pub(crate) fn listen() {
+    if log::set_logger(&Remarks).is_ok() {
         // Levels are chosen where it is known whose word it is.
         log::set_max_level(LevelFilter::Trace);
     }
-    if stamped {
-        std::panic::set_hook(Box::new(|info| log::error!("{info}")));
-    }
+}
+
+/// Has it written for a log from now on, panics too.
+pub(crate) fn keep_log() {
+    STAMPED.store(true, Ordering::Relaxed);
+    std::panic::set_hook(Box::new(|info| log::error!("{info}")));
 }
 
 impl Log for Remarks {
@@ -56,7 +58,7 @@ impl Log for Remarks {
             return;
         }
         let (level, text) = (record.level(), record.args());
-        if self.stamped {
+        if STAMPED.load(Ordering::Relaxed) {
             let now = stamp(SystemTime::now());
             put(Stream::Err, format!("{now} {level} {text}\n"));
         } else if level <= Level::Warn {
