@@ -121,7 +121,8 @@ impl<'t> Document<'t> {
         self.faults.push(Fault {
             line,
             key: shown(key),
-            message: message.into(),
+            // What others say of a value may hold it as it is.
+            message: escaped(&message.into()),
         });
     }
 

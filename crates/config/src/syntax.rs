@@ -4,7 +4,7 @@ use std::path::Path;
 
 use toml::de::{DeTable, DeValue, Error};
 
-use crate::fault::{Fault, shown};
+use crate::fault::{Fault, escaped, shown};
 use crate::value::flag;
 
 /// Faults of syntax that are told; those after them mostly follow from these.
@@ -133,7 +133,7 @@ fn plainly(told: &str, value: &str) -> String {
         }
         "unexpected leading zero" => "a number has no zeros in front".to_owned(),
         "recursion limit" => "brackets or dots are nested too deep".to_owned(),
-        _ => told.to_owned(),
+        _ => escaped(told),
     }
 }
 

@@ -302,3 +302,14 @@ fn nesting_and_length_have_bounds() {
     let many: String = (0..5_000).map(|i| format!("k{i} = = 1\n")).collect();
     assert!(told(&many).lines().count() < 100);
 }
+
+#[test]
+fn what_further_checks_say_of_a_value_is_shown_harmless() {
+    let further = |_: &Config| vec![("maze.rows", "the cell '\r\u{1b}'".to_owned())];
+    let paths = crate::Paths::default();
+    let faults = Config::parse_with(GOOD, "x.toml", "x", &[], paths, further).unwrap_err();
+    assert_eq!(
+        faults.to_string(),
+        "x.toml:1: maze.rows: the cell '\\r\\u{1b}'"
+    );
+}
