@@ -252,6 +252,54 @@ fn of_an_episode_that_was_cut_off_the_whole_chunks_are_recovered() {
 }
 
 #[test]
+fn recovering_writes_over_nothing_and_leaves_nothing_when_it_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let bytes = episode_bytes(20);
+    let cut = &bytes[..bytes.len() / 2];
+    fs::write(path("cut.mcap"), cut).unwrap();
+    fs::write(path("mine.mcap"), "mine").unwrap();
+    fs::write(path("empty.mcap"), "").unwrap();
+    fs::write(path("chunkless.mcap"), &bytes[..300]).unwrap();
+    fs::create_dir(path("folder")).unwrap();
+    fs::hard_link(path("cut.mcap"), path("hard.mcap")).unwrap();
+    std::os::unix::fs::symlink("cut.mcap", path("link.mcap")).unwrap();
+    std::os::unix::fs::symlink("nowhere", path("dangling.mcap")).unwrap();
+    let names = || {
+        let names = fs::read_dir(folder.path()).unwrap();
+        names
+            .map(|entry| entry.unwrap().file_name())
+            .collect::<Vec<_>>()
+    };
+    let before = names();
+    let recover = |from: &str, to: &str, onto| recover(&path(from), &path(to), onto);
+    for name in before.iter().filter_map(|name| name.to_str()) {
+        let refused = recover("cut.mcap", name, Onto::Nothing);
+        assert!(matches!(refused, Err(TraceError::Exists { .. })), "{name}");
+    }
+    for name in [
+        "cut.mcap",
+        "hard.mcap",
+        "link.mcap",
+        "folder",
+        "dangling.mcap",
+    ] {
+        assert!(recover("cut.mcap", name, Onto::Anything).is_err(), "{name}");
+    }
+    for name in ["empty.mcap", "chunkless.mcap", "mine.mcap"] {
+        let nothing = recover(name, "new.mcap", Onto::Anything);
+        assert!(matches!(nothing, Err(TraceError::Nothing { .. })), "{name}");
+    }
+    assert!(recover("cut.mcap", "no/such/folder.mcap", Onto::Nothing).is_err());
+    assert_eq!(names(), before);
+    assert_eq!(fs::read(path("cut.mcap")).unwrap(), cut);
+    assert_eq!(fs::read(path("mine.mcap")).unwrap(), b"mine");
+    recover("cut.mcap", "mine.mcap", Onto::Anything).unwrap();
+    assert!(read_whole(&path("mine.mcap")).is_ok());
+    assert_eq!(names(), before);
+}
+
+#[test]
 fn what_was_given_up_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
