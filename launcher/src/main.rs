@@ -60,7 +60,7 @@ Exit codes:
   0    done
   1    failed; doctor: a run may not start or not last
   2    a fault in what was given: arguments, config, data
-  3    done, but a trace is cut off (inspect, replay, recover)
+  3    done, but a trace is cut off or damaged (inspect, replay, recover)
   130  ended by Ctrl-C, SIGTERM or SIGHUP
 
 A signal that was ignored from the start, as by nohup, stays ignored. A reader of the output that is

@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::ensure;
-use trace::{Onto, Recovered, TraceError};
+use durable::{Existing, OutputError};
+use trace::{Recovered, TraceError};
 
+use crate::outputs::{self, Force};
 use crate::{replay, traces};
 
 /// What a trace is called until it is whole.
@@ -18,22 +20,18 @@ pub(crate) struct Args {
     /// Where it goes; X.cut.mcap beside it by default
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Replace what is there already
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    force: Force,
 }
 
 /// `formica recover TRACE`: exit code 3 where something of it is lost, 1 where nothing is left.
 pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let onto = if args.force {
-        Onto::Anything
-    } else {
-        Onto::Nothing
-    };
+    outputs::end_at_signals()?;
+    let existing = args.force.existing();
     let named = traces::find(&args.trace)?;
     if let traces::Named::File(from) = &named {
         let to = args.out.clone().unwrap_or_else(|| beside(from));
-        let recovered = trace::recover(from, &to, onto)?;
+        let recovered = trace::recover(from, &to, existing)?;
         return Ok(ExitCode::from(told(from, &recovered)));
     }
     let paths = traces::all(std::slice::from_ref(&args.trace))?;
@@ -49,7 +47,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     let codes = paths.iter().map(|from| {
         let to = args.out.clone().unwrap_or_else(|| beside(from));
-        match trace::recover(from, &to, onto) {
+        match trace::recover(from, &to, existing) {
             Ok(recovered) => told(from, &recovered),
             Err(error) => {
                 log::warn!("{error}");
@@ -136,10 +134,10 @@ pub(crate) fn sweep(run: &Path, actors: usize) -> usize {
 
 /// Recovers one; whether the part is of no more use.
 fn salvage(part: &Path, recovered: &mut usize) -> bool {
-    let salvaged = match trace::recover(part, &beside(part), Onto::Nothing) {
+    let salvaged = match trace::recover(part, &beside(part), Existing::Refuse) {
         // What an earlier actor of that number left of the same episode stays.
-        Err(TraceError::Exists { .. }) => match free(part) {
-            Some(to) => trace::recover(part, &to, Onto::Nothing),
+        Err(TraceError::Output(OutputError::Exists(_))) => match free(part) {
+            Some(to) => trace::recover(part, &to, Existing::Refuse),
             None => return false,
         },
         salvaged => salvaged,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
-use crate::recorded;
+use crate::runs;
 
 /// Folders below the given one that are looked into: a run's `traces/training`.
 const DEPTH: usize = 3;
@@ -97,7 +97,7 @@ pub(crate) fn newest(named: &Named) -> Option<PathBuf> {
 /// The folder itself, or a run's traces.
 fn within(folder: &Path) -> PathBuf {
     let traces = folder.join("traces");
-    let is_run = traces.is_dir() || recorded::find(folder).is_ok_and(|run| run == folder);
+    let is_run = traces.is_dir() || runs::find(folder).is_ok_and(|run| run == folder);
     if is_run { traces } else { folder.to_path_buf() }
 }
 

@@ -54,7 +54,7 @@ pub use meta::{EpisodeMeta, Outcome};
 pub use read::{Trace, read, read_bytes, read_whole};
 pub use record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
 pub use recorder::{Behind, Episode, Recorder};
-pub use recover::{Onto, Recovered, recover, recover_bytes};
+pub use recover::{Recovered, recover, recover_bytes};
 pub use scene::Scene;
 #[cfg(feature = "live")]
 pub use serve::Server;
@@ -95,12 +95,7 @@ pub enum TraceError {
         /// Why.
         reason: String,
     },
-    /// Something is in the way of what would be written.
-    #[error("{path} is there already, and is not written over; {remedy}")]
-    Exists {
-        /// What is in the way.
-        path: String,
-        /// What helps.
-        remedy: String,
-    },
+    /// What is recovered cannot go where it should.
+    #[error(transparent)]
+    Output(#[from] durable::OutputError),
 }

@@ -1,10 +1,10 @@
 //! Makes what is whole of a trace that is cut off or damaged into a trace.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::{BufWriter, Cursor, Read, Seek, Write};
+use std::io::{Cursor, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use durable::{Existing, Output};
 use mcap::records::{MessageHeader, Metadata, Record, op};
 use mcap::{Attachment, Writer};
 
@@ -12,15 +12,6 @@ use crate::read::{damaged, open, read_scan, refused};
 use crate::scan::{Scan, Stop, Visit};
 use crate::write::OPTIONS;
 use crate::{Lost, METADATA, OUTCOME, RECOVERED, Trace, TraceError};
-
-/// What becomes of a file that is in the place of the recovered one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Onto {
-    /// It stays, and that is an error.
-    Nothing,
-    /// It is replaced, unless it is the file that is recovered.
-    Anything,
-}
 
 /// What was recovered.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -53,38 +44,27 @@ impl Recovered {
 ///
 /// # Errors
 /// What the system refuses, a file of which no message is whole ([`TraceError::Nothing`]), and a
-/// target that is there already ([`TraceError::Exists`]).
-pub fn recover(from: &Path, to: &Path, onto: Onto) -> Result<Recovered, TraceError> {
+/// target that is not to be written to ([`TraceError::Output`]): the damaged file itself, and what is
+/// there already unless it is to be replaced.
+pub fn recover(from: &Path, to: &Path, existing: Existing) -> Result<Recovered, TraceError> {
     let file = open(from)?;
-    look_at_target(from, to, onto)?;
+    let output = Output::file(to, existing, &[from])?;
     let io = |error| refused(to, error);
-    let folder = to.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut part = tempfile::Builder::new();
-    part.prefix(".recovering-").suffix(".mcap.tmp");
-    // As any other file of the user's: only a temporary file is private by default.
-    use std::os::unix::fs::PermissionsExt;
-    part.permissions(fs::Permissions::from_mode(0o666));
-    let part = part
-        .tempfile_in(folder.unwrap_or(Path::new(".")))
-        .map_err(io)?;
-    let mut scan = Scan::of(file).map_err(|error| refused(from, error))?;
-    let output = BufWriter::new(part.as_file());
-    let (before, copied) = copy(from, to, &mut scan, output)?;
-    copied
-        .into_inner()
-        .map_err(|error| io(error.into_error()))?;
-    part.as_file().sync_all().map_err(io)?;
-    let written = File::open(part.path()).map_err(io)?;
-    let recovered = verified(to, &mut scan, before, written)?;
-    let kept = match onto {
-        Onto::Nothing => part.persist_noclobber(to),
-        Onto::Anything => part.persist(to),
-    };
-    match kept {
-        Ok(_) => Ok(recovered),
-        Err(error) if error.error.kind() == std::io::ErrorKind::AlreadyExists => Err(exists(to)),
-        Err(error) => Err(io(error.error)),
+    if let Some(folder) = to.parent().filter(|folder| *folder != Path::new("")) {
+        // A folder that is misspelled is not made.
+        std::fs::metadata(folder).map_err(io)?;
     }
+    let mut scan = Scan::of(file).map_err(|error| refused(from, error))?;
+    let mut recovered = None;
+    let staged = output.stage::<TraceError>(|file| {
+        let before = copy(from, to, &mut scan, &mut *file)?.0;
+        file.flush().map_err(io)?;
+        let written = file.get_ref().try_clone().map_err(io)?;
+        recovered = Some(verified(to, &mut scan, before, written)?);
+        Ok(())
+    })?;
+    staged.place()?;
+    recovered.ok_or_else(|| refused(to, std::io::ErrorKind::UnexpectedEof.into()))
 }
 
 /// As [`recover`], of a file's bytes; the recovered file's bytes beside.
@@ -97,38 +77,6 @@ pub fn recover_bytes(path: &Path, bytes: &[u8]) -> Result<(Recovered, Vec<u8>), 
     let written = copied.into_inner();
     let recovered = verified(path, &mut scan, before, Cursor::new(&written))?;
     Ok((recovered, written))
-}
-
-fn exists(to: &Path) -> TraceError {
-    TraceError::Exists {
-        path: to.display().to_string(),
-        remedy: "give another --out, or --force to replace it".to_owned(),
-    }
-}
-
-fn look_at_target(from: &Path, to: &Path, onto: Onto) -> Result<(), TraceError> {
-    // A link that leads nowhere is something, too.
-    let Ok(there) = fs::symlink_metadata(to) else {
-        return Ok(());
-    };
-    if onto == Onto::Nothing {
-        return Err(exists(to));
-    }
-    let same = |(a, b): (PathBuf, PathBuf)| {
-        use std::os::unix::fs::MetadataExt;
-        let of = |path: &Path| fs::metadata(path).map(|file| (file.dev(), file.ino())).ok();
-        a == b || of(&a).is_some() && of(&a) == of(&b)
-    };
-    let told = if same((from.to_owned(), to.to_owned())) {
-        "it is the trace that is recovered; give another --out"
-    } else if !there.is_file() && !there.is_symlink() {
-        "it is no regular file; give another --out"
-    } else if there.is_symlink() {
-        "it is a link; give the place itself as --out"
-    } else {
-        return Ok(());
-    };
-    Err(damaged(to, told.to_owned()))
 }
 
 /// Copies, and tells what the file held.

@@ -2,9 +2,11 @@ use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use durable::{Existing, OutputError};
+
 use super::*;
 use crate::{
-    Behind, ChoiceRecord, EndRecord, Episode, EpisodeWriter, Onto, OutcomeRecord, Recorder, Scene,
+    Behind, ChoiceRecord, EndRecord, Episode, EpisodeWriter, OutcomeRecord, Recorder, Scene,
     StartRecord, StepRecord, Still, recover,
 };
 
@@ -237,7 +239,7 @@ fn of_an_episode_that_was_cut_off_the_whole_chunks_are_recovered() {
         assert!(trace.cut.is_some() && trace.outcome.is_none());
         assert_eq!((trace.meta, trace.steps.len()), (meta(), 25));
         assert!(read_whole(&part).is_err(), "it is not whole");
-        let recovered = recover(&part, &path, Onto::Nothing).unwrap();
+        let recovered = recover(&part, &path, Existing::Refuse).unwrap();
         assert_eq!((recovered.steps, recovered.cut.is_some()), (25, true));
         let trace = read_whole(&path).unwrap();
         assert_eq!(trace.steps[24].observation, record(24).observation);
@@ -247,8 +249,54 @@ fn of_an_episode_that_was_cut_off_the_whole_chunks_are_recovered() {
     // A whole one stays what it is.
     write(&path, 15).end(&end(15)).unwrap();
     let copy = folder.path().join("copy.mcap");
-    assert_eq!(recover(&path, &copy, Onto::Nothing).unwrap().cut, None);
+    assert_eq!(recover(&path, &copy, Existing::Refuse).unwrap().cut, None);
     assert_eq!(read_whole(&path).unwrap(), read_whole(&copy).unwrap());
+}
+
+#[test]
+fn recovering_writes_over_nothing_and_leaves_nothing_when_it_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let bytes = episode_bytes(20);
+    let cut = &bytes[..bytes.len() / 2];
+    fs::write(path("cut.mcap"), cut).unwrap();
+    fs::write(path("mine.mcap"), "mine").unwrap();
+    fs::write(path("empty.mcap"), "").unwrap();
+    fs::write(path("chunkless.mcap"), &bytes[..300]).unwrap();
+    fs::create_dir(path("folder")).unwrap();
+    fs::hard_link(path("cut.mcap"), path("hard.mcap")).unwrap();
+    std::os::unix::fs::symlink("cut.mcap", path("link.mcap")).unwrap();
+    let names = || {
+        let names = fs::read_dir(folder.path()).unwrap();
+        names
+            .map(|entry| entry.unwrap().file_name())
+            .collect::<Vec<_>>()
+    };
+    let before = names();
+    let recover = |from: &str, to: &str, onto| recover(&path(from), &path(to), onto);
+    for name in ["mine.mcap", "empty.mcap"] {
+        let refused = recover("cut.mcap", name, Existing::Refuse);
+        let exists: Result<crate::Recovered, _> =
+            Err(TraceError::Output(OutputError::Exists(path(name))));
+        assert_eq!(format!("{refused:?}"), format!("{exists:?}"));
+    }
+    for name in ["cut.mcap", "hard.mcap", "link.mcap", "folder"] {
+        for existing in [Existing::Refuse, Existing::Replace] {
+            let refused = recover("cut.mcap", name, existing);
+            assert!(matches!(refused, Err(TraceError::Output(_))), "{name}");
+        }
+    }
+    for name in ["empty.mcap", "chunkless.mcap", "mine.mcap"] {
+        let nothing = recover(name, "new.mcap", Existing::Replace);
+        assert!(matches!(nothing, Err(TraceError::Nothing { .. })), "{name}");
+    }
+    assert!(recover("cut.mcap", "no/such/folder.mcap", Existing::Refuse).is_err());
+    assert_eq!(names(), before);
+    assert_eq!(fs::read(path("cut.mcap")).unwrap(), cut);
+    assert_eq!(fs::read(path("mine.mcap")).unwrap(), b"mine");
+    recover("cut.mcap", "mine.mcap", Existing::Replace).unwrap();
+    assert!(read_whole(&path("mine.mcap")).is_ok());
+    assert_eq!(names(), before);
 }
 
 #[test]
@@ -281,7 +329,7 @@ fn damage_is_an_error_never_a_panic() {
         assert!(read_whole(&damaged).is_err(), "cut at {i}/64");
         // Whatever says how the episode starts can be recovered.
         let starts = read(&damaged).is_ok_and(|trace| trace.start.is_some());
-        assert_eq!(starts, recover(&damaged, &again, Onto::Anything).is_ok());
+        assert_eq!(starts, recover(&damaged, &again, Existing::Replace).is_ok());
     }
     // A flipped bit outside of what checksums cover may pass, but never kill.
     let mut caught = 0;
@@ -290,7 +338,7 @@ fn damage_is_an_error_never_a_panic() {
         bytes[whole.len() * i / 400] ^= 1 << (i % 8);
         fs::write(&damaged, &bytes).unwrap();
         caught += u32::from(read_whole(&damaged).is_err());
-        let _ = recover(&damaged, &again, Onto::Anything);
+        let _ = recover(&damaged, &again, Existing::Replace);
     }
     assert!(caught > 390, "{caught} of 400");
     fs::write(&damaged, vec![0xff; 4096]).unwrap();

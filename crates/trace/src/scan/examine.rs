@@ -41,7 +41,8 @@ impl<R: Read + Seek> Scan<R> {
             Shape::Loose if frame.opcode == op::MESSAGE => followed || self.tells(frame)?,
             _ => followed,
         };
-        if !sound {
+        // Bytes that are missing from its middle make it end in the next one, which begins within it.
+        if !sound || !followed && self.resume(at + 1)? < frame.end() {
             return Ok(broken());
         }
         match frame.opcode {
