@@ -96,6 +96,33 @@ def h5py_layout_5(path):
             file.create_dataset(key, data=data[key], chunks=True, compression="gzip", shuffle=True)
 
 
+def wide(path, implicit):
+    """Chunks counted for more columns than there are (hdf5-pure#430)."""
+    data = rows()
+    with h5py.File(path, "w", libver=("v110", "v110")) as file:
+        for key in KEYS[1:]:
+            file[key] = data[key]
+        if not implicit:
+            file.create_dataset("observations", data=data["observations"], chunks=(3, 10), maxshape=(8, 58), compression="gzip")
+            return
+        kind = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        kind.set_chunk((3, 10))
+        kind.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+        space = h5py.h5s.create_simple((4, 29), (8, 58))
+        array = h5py.h5d.create(file.id, b"observations", h5py.h5t.IEEE_F32LE, space, kind)
+        array.write(h5py.h5s.ALL, h5py.h5s.ALL, data["observations"])
+
+
+@seed("d4rl")
+def h5py_wide_fixed(path):
+    wide(path, False)
+
+
+@seed("d4rl")
+def h5py_wide_implicit(path):
+    wide(path, True)
+
+
 @seed("d4rl")
 def h5py_lzf(path):
     data = rows()

@@ -11,7 +11,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use crate::dataset::Refused;
-use crate::interrupts::Interrupts;
+use crate::interrupts::{Interrupts, heeded};
 
 /// `--force`, for commands with an output.
 #[derive(clap::Args, Clone, Copy)]
@@ -48,7 +48,7 @@ pub(crate) fn write(path: &Path, existing: Existing, bytes: &[u8]) -> anyhow::Re
 /// Ends the process at a signal, without what it has staged: for commands that nothing else ends
 /// early.
 pub(crate) fn end_at_signals() -> io::Result<()> {
-    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])?;
+    let mut signals = Signals::new(heeded(&[SIGINT, SIGTERM, SIGHUP]))?;
     std::thread::spawn(move || {
         if signals.forever().next().is_some() {
             durable::discard_staged();

@@ -64,6 +64,24 @@ def the_newest_layout_of_hdf5_is_read(bench):
     datasets.same(datasets.read(bench, "resizable.hdf5"), data)
 
 
+@case("hdf5-pure#430")
+def chunks_are_found_whatever_the_greatest_shape(bench):
+    data = datasets.rows()
+    count = len(data["rewards"])
+    for number, (chunks, most) in enumerate((
+        ((16, 10), (2 * count, 58)), ((64, 1), (count, 58)), ((16, 29), (None, 58)),
+        ((16, 10), (None, None)), ((count, 29), (count, None)),
+    )):
+        for version in ("v108", "v110", "latest"):
+            for options in ({}, dict(compression="gzip", shuffle=True, fletcher32=True)):
+                name = f"{number}-{version}-{len(options)}.hdf5"
+                with h5py.File(bench.folder / name, "w", libver=(version, version)) as out:
+                    for key in datasets.KEYS[1:]:
+                        out[key] = data[key]
+                    out.create_dataset("observations", data=data["observations"], chunks=chunks, maxshape=most, **options)
+                datasets.same(datasets.read(bench, name), data)
+
+
 @case("hdfview#335")
 def numbers_of_all_types_are_read(bench):
     for number, types in enumerate((

@@ -8,6 +8,7 @@ mod number;
 mod tests;
 mod told;
 mod values;
+mod wide;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -60,6 +61,8 @@ pub(crate) enum Width {
 pub(crate) struct Key {
     name: String,
     array: Array,
+    /// Its chunks, where those are found in another way.
+    wide: Option<wide::Wide>,
     /// Rows.
     pub(crate) rows: usize,
     /// Values of a row.
@@ -263,7 +266,10 @@ impl<'p> Reader<'p> {
             }
         };
         number::check(&array).map_err(|error| self.error(&whole, told(&error)))?;
-        self.shaped(whole, array, rows, width).map(Some)
+        let mut key = self.shaped(whole, array, rows, width)?;
+        key.wide = wide::wide(&folder.group, &key.array)
+            .map_err(|error| self.error(&key.name, told(&error)))?;
+        Ok(Some(key))
     }
 
     /// A folder that may be missing.
@@ -327,6 +333,7 @@ impl<'p> Reader<'p> {
             width: columns,
             name,
             array,
+            wide: None,
         })
     }
 

@@ -118,6 +118,21 @@ impl Output {
         if named.file_name().is_none() {
             return Err(OutputError::Nameless(path.to_path_buf()));
         }
+        // What has no path of its own, such as the pipe behind /dev/stdout, is seen from here alone.
+        if let Ok(there) = fs::metadata(&named)
+            && !there.is_file()
+            && !there.is_dir()
+        {
+            return Err(OutputError::Kind {
+                path: named,
+                found: existing::kind(&there),
+                wanted: if holds.is_some() {
+                    "a folder"
+                } else {
+                    "a file"
+                },
+            });
+        }
         let output = Self {
             target: followed(&named).map_err(|error| io_error(&named, error))?,
             path: named,

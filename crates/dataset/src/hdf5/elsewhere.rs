@@ -69,9 +69,9 @@ impl ExternalLinkResolver for Elsewhere {
     fn resolve_external_link(&self, name: &str) -> Result<Option<Hdf5File>> {
         // An absolute path that is gone is looked for beside the linking file, as HDF5 does.
         let given = self.folder.join(name);
-        let beside = Path::new(name)
-            .file_name()
-            .map(|name| self.folder.join(name));
+        let named = Path::new(name);
+        let absolute = named.file_name().filter(|_| named.is_absolute());
+        let beside = absolute.map(|name| self.folder.join(name));
         let path = match beside {
             Some(beside) if !given.exists() && beside.exists() => beside,
             _ => given,

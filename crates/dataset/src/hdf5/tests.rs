@@ -33,6 +33,8 @@ fn what_h5py_reads_is_read() {
         "h5py-links-compact",
         "h5py-layout-5",
         "h5py-lzf",
+        "h5py-wide-fixed",
+        "h5py-wide-implicit",
     ] {
         assert_eq!(d4rl::read(&seed(name)).unwrap(), wanted(), "{name}");
     }

@@ -4,7 +4,7 @@ use hdf5_reader::error::Error;
 use hdf5_reader::{SliceInfo, SliceInfoElem};
 
 use super::number::Number;
-use super::told::told;
+use super::told::{root_cause, told};
 use super::{Key, Reader};
 use crate::fault::Faults;
 use crate::{DatasetError, parallel};
@@ -53,7 +53,11 @@ impl Reader<'_> {
         if into.is_empty() {
             return Ok(());
         }
-        if read(key, start, into).is_err() {
+        if let Err(error) = read(key, start, into) {
+            // No fault of some rows.
+            if let Error::UnsupportedFilter(_) = root_cause(&error) {
+                return Err(self.refuse(format!("'{}': {}", key.name, told(&error))));
+            }
             // Where in the array, chunk by chunk.
             let chunk = chunk_rows(key).min(key.rows.max(1));
             for (number, into) in into.chunks_mut(chunk * width).enumerate() {
@@ -105,6 +109,9 @@ fn chunk_rows(key: &Key) -> usize {
 
 /// The rows from `start` that `into` has room for.
 fn read(key: &Key, start: usize, into: &mut [f32]) -> Result<(), Error> {
+    if let Some(wide) = &key.wide {
+        return wide.read(start, key.width, into);
+    }
     let count = into.len() / key.width.max(1);
     let values = if (start, count) == (0, key.rows) {
         key.array.read_array::<Number>()?
