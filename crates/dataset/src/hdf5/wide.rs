@@ -57,10 +57,9 @@ pub(super) fn wide(group: &Group, array: &Array) -> Result<Option<Wide>> {
     }
     let Some(DataLayout::Chunked {
         address,
-        dims,
         chunk_indexing,
         ..
-    }) = layout.filter(|_| array.chunks().is_some())
+    }) = layout
     else {
         // An array of another file, whose header is not here.
         return Err(Error::UnsupportedChunkIndexType(0));
@@ -69,10 +68,10 @@ pub(super) fn wide(group: &Group, array: &Array) -> Result<Option<Wide>> {
     let end = storage.len();
     let chunks = match chunk_indexing {
         Some(ChunkIndexing::Implicit) => {
-            collect_implicit_chunk_entries(address, most, &dims, size, None, end)?
+            collect_implicit_chunk_entries(address, most, &chunk, size, None, end)?
         }
         Some(ChunkIndexing::FixedArray { .. }) => collect_fixed_array_chunk_entries_storage(
-            storage, address, offset, length, most, &dims, None,
+            storage, address, offset, length, most, &chunk, None,
         )?,
         _ => return Ok(None),
     };
@@ -106,8 +105,12 @@ impl Wide {
             if top >= end || top.saturating_add(tall) <= start || left >= width {
                 continue;
             }
-            let packed = usize::try_from(chunk.size)
-                .map_err(|_| Error::InvalidData("a chunk is too large".into()))?;
+            // Without filters no size is stored.
+            let packed = match chunk.size {
+                0 => bytes,
+                size => usize::try_from(size)
+                    .map_err(|_| Error::InvalidData("a chunk is too large".into()))?,
+            };
             let packed = self.group.storage().read_range(chunk.address, packed)?;
             let mask = chunk.filter_mask;
             let values = apply_pipeline_with_limit(

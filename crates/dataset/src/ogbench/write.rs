@@ -1,7 +1,7 @@
 //! Writes npz files that OGBench's package opens.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use durable::{Existing, Output, Staged};
@@ -41,7 +41,11 @@ pub(crate) fn stage(output: &Output, data: &Dataset) -> Result<Staged, DatasetEr
     output.stage(|file| {
         let mut archive = Archive {
             path,
-            zip: ZipWriter::new(file),
+            zip: ZipWriter::new(Sink {
+                file,
+                failed: false,
+                position: 0,
+            }),
         };
         archive.floats("observations", &[n, OBSERVATION], all(0, OBSERVATION))?;
         archive.floats("actions", &[n, ACTION], data.actions.iter().copied())?;
@@ -72,10 +76,63 @@ fn refused(path: &Path, error: zip::result::ZipError) -> DatasetError {
     }
 }
 
+/// A file that takes anything once it has failed: [`ZipWriter`] writes on when it is dropped, and
+/// would tell standard error that this fails as well.
+struct Sink<'a> {
+    file: &'a mut BufWriter<File>,
+    failed: bool,
+    /// Where the next byte goes.
+    position: u64,
+}
+
+impl Sink<'_> {
+    fn noted<T>(&mut self, result: io::Result<T>) -> io::Result<T> {
+        self.failed |= result.is_err();
+        result
+    }
+}
+
+impl Write for Sink<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let taken = if self.failed {
+            bytes.len()
+        } else {
+            let taken = self.file.write(bytes);
+            self.noted(taken)?
+        };
+        self.position += taken as u64;
+        Ok(taken)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if self.failed {
+            return Ok(());
+        }
+        let flushed = self.file.flush();
+        self.noted(flushed)
+    }
+}
+
+impl Seek for Sink<'_> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.position = match (self.failed, to) {
+            (true, SeekFrom::Start(position)) => position,
+            (true, SeekFrom::Current(by) | SeekFrom::End(by)) => {
+                self.position.saturating_add_signed(by)
+            }
+            (false, to) => {
+                let sought = self.file.seek(to);
+                self.noted(sought)?
+            }
+        };
+        Ok(self.position)
+    }
+}
+
 /// An archive that is being written.
 struct Archive<'a> {
     path: &'a Path,
-    zip: ZipWriter<&'a mut BufWriter<File>>,
+    zip: ZipWriter<Sink<'a>>,
 }
 
 impl Archive<'_> {
