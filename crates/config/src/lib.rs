@@ -135,6 +135,7 @@ impl Config {
         document.take_paths(paths);
         let mut config = read::read(&mut document, stem);
         config.resolved = std::mem::take(&mut document.resolved);
+        config.portable = std::mem::take(&mut document.portable);
         for (path, message) in further(&config) {
             document.fault_at(path.as_ref(), message);
         }
@@ -156,11 +157,12 @@ impl Config {
         &self.resolved
     }
 
-    /// A hash of the resolved file (FNV-1a, 16 hexadecimal digits).
+    /// A hash of the resolved file (FNV-1a, 16 hexadecimal digits). Of files that it names the names
+    /// count, not where they lie: the same run elsewhere has the same hash.
     #[must_use]
     pub fn hash(&self) -> String {
         let hash = self
-            .resolved
+            .portable
             .bytes()
             .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
                 (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)

@@ -120,6 +120,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str) -> Config {
         traces,
         walker,
         resolved: String::new(),
+        portable: String::new(),
     }
 }
 

@@ -65,6 +65,8 @@ pub(crate) struct Document<'t> {
     pub(crate) faults: Vec<Fault>,
     /// The resolved file, written as keys are read.
     pub(crate) resolved: String,
+    /// The same with the names of files in the place of their paths.
+    pub(crate) portable: String,
     tables: BTreeSet<&'static str>,
 }
 
@@ -81,6 +83,7 @@ impl<'t> Document<'t> {
             base: None,
             lenient: false,
             resolved: String::new(),
+            portable: String::new(),
             tables: BTreeSet::new(),
         };
         for ((path, raw), line) in sets.iter().zip(lines) {
@@ -138,7 +141,9 @@ impl<'t> Document<'t> {
         read: impl FnOnce(&mut Table<'_, 't>) -> T,
     ) -> T {
         self.tables.insert(name);
-        self.resolved.push_str(&format!("[{name}]\n"));
+        let header = format!("[{name}]\n");
+        self.resolved.push_str(&header);
+        self.portable.push_str(&header);
         let mut table = Table {
             document: self,
             name,
@@ -290,6 +295,7 @@ impl Table<'_, '_> {
     fn write<T: Value>(&mut self, key: &str, value: &T) {
         let line = format!("{key} = {}\n", value.write());
         self.document.resolved.push_str(&line);
+        self.document.portable.push_str(&line);
     }
 
     /// The value of a key where there is one; what is wrong with its type.
@@ -370,8 +376,13 @@ impl Table<'_, '_> {
         };
         match expanded {
             Ok(given) => {
-                let written = given.as_ref().map(|given| paths::written(&given.path));
-                self.write(key, &written.unwrap_or_default());
+                let path = given.as_ref().map_or("", |given| given.path.as_str());
+                let written = paths::written(path);
+                let name = Path::new(path).file_name().unwrap_or_default();
+                let line = |value: String| format!("{key} = {}\n", value.write());
+                self.document.resolved.push_str(&line(written));
+                let name = line(name.to_string_lossy().into_owned());
+                self.document.portable.push_str(&name);
                 given
             }
             Err(message) => {

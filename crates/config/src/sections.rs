@@ -436,4 +436,5 @@ pub struct Config {
     /// `[walker]`
     pub walker: WalkerTraining,
     pub(crate) resolved: String,
+    pub(crate) portable: String,
 }

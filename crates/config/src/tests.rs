@@ -121,6 +121,15 @@ fn the_resolved_file_reads_back_as_the_same_config() {
         config.hash(),
         parse(&GOOD.replace('3', "4")).unwrap().hash()
     );
+    // Where its files lie makes no other run of it.
+    let set = |path: &str| {
+        let sets = [("dataset.path".to_owned(), path.to_owned())];
+        Config::parse(GOOD, "x.toml", "x", &sets).unwrap()
+    };
+    let (here, there) = (set("a/x.hdf5"), set("/b/x.hdf5"));
+    assert_ne!(here.resolved(), there.resolved());
+    assert_eq!(here.hash(), there.hash());
+    assert_ne!(here.hash(), set("a/y.hdf5").hash());
 }
 
 #[test]
