@@ -13,6 +13,11 @@ pub(crate) fn figure(value: f64, decimals: usize) -> Option<String> {
     })
 }
 
+/// A sum that is 0 where there is nothing to add: that of `Iterator::sum` is -0.
+pub(crate) fn total(values: impl Iterator<Item = f32>) -> f32 {
+    values.fold(0.0, |sum, value| sum + value)
+}
+
 /// The parts that there are, with commas between them.
 pub(crate) fn listed<const N: usize>(parts: [Option<String>; N]) -> String {
     let parts: Vec<String> = parts.into_iter().flatten().collect();
@@ -34,6 +39,8 @@ mod tests {
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             assert_eq!(figure(value, 1), None);
         }
+        assert!(total(std::iter::empty()).is_sign_positive());
+        assert_eq!(total([1.0, -3.0].into_iter()), -2.0);
         let parts = [Some("a".to_owned()), None, Some("b".to_owned())];
         assert_eq!(listed(parts), "a, b");
     }

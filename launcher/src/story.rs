@@ -5,6 +5,8 @@ use maze::{FALLEN, Layout, OBSERVATION, upright};
 use serde::Serialize;
 use trace::Trace;
 
+use crate::figure::total;
+
 /// No maze is so large (m).
 const FAR: f32 = 1e6;
 
@@ -110,11 +112,11 @@ impl Story {
             notes: notes(trace, told.count(), observations.len(), path.len()),
             steps: trace.steps.len(),
             seconds: trace.steps.len() as f64 * f64::from(maze::CONTROL_SECONDS),
-            episode_return: Some(trace.steps.iter().map(|step| step.reward).sum::<f32>())
+            episode_return: Some(total(trace.steps.iter().map(|step| step.reward)))
                 .filter(|sum| sum.is_finite()),
             start: path.first().copied().unwrap_or(meta.start),
             goal: meta.goal,
-            walked: path.windows(2).map(|pair| between(pair[0], pair[1])).sum(),
+            walked: total(path.windows(2).map(|pair| between(pair[0], pair[1]))),
             nearest: (path.iter())
                 .map(|place| between(*place, meta.goal))
                 .filter(|distance| distance.is_finite())
@@ -342,6 +344,7 @@ mod tests {
         let mut trace = Trace::default();
         let story = Story::of(&trace);
         assert_eq!((story.walked, story.nearest), (0.0, None));
+        assert!(story.walked.is_sign_positive());
         for x in [0.0, 1.0, f32::NAN, f32::INFINITY, 3e38, 2.0] {
             trace.steps.push(step(x, 0.0));
         }
