@@ -43,6 +43,11 @@ foreign:
     cargo build --workspace
     bash tests/foreign/run
 
+# Cases that users of similar tools reported in public, tried on the binary; all of a kind or by name
+cases *names:
+    cargo build --workspace
+    bash tests/cases/run target/debug/formica {{names}}
+
 # Dependencies against the rules of deny.toml (needs cargo-deny)
 deny:
     cargo deny check
