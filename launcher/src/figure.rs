@@ -13,6 +13,11 @@ pub(crate) fn figure(value: f64, decimals: usize) -> Option<String> {
     })
 }
 
+/// The same value; of a zero without its sign.
+pub(crate) fn unsigned_zero(value: f32) -> f32 {
+    value + 0.0
+}
+
 /// A sum that is 0 where there is nothing to add: that of `Iterator::sum` is -0.
 pub(crate) fn total(values: impl Iterator<Item = f32>) -> f32 {
     values.fold(0.0, |sum, value| sum + value)
@@ -39,6 +44,8 @@ mod tests {
         for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             assert_eq!(figure(value, 1), None);
         }
+        assert!(unsigned_zero(-0.0).is_sign_positive());
+        assert_eq!(unsigned_zero(-1.0), -1.0);
         assert!(total(std::iter::empty()).is_sign_positive());
         assert_eq!(total([1.0, -3.0].into_iter()), -2.0);
         let parts = [Some("a".to_owned()), None, Some("b".to_owned())];

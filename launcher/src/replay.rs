@@ -103,9 +103,12 @@ fn one(mut trace: Trace) -> anyhow::Result<u8> {
 
 /// A value of a trace, whatever it is.
 fn told(value: f32) -> String {
-    match value.is_finite() {
-        true => format!("{value:?}"),
-        false => format!("no number (bits {:08x})", value.to_bits()),
+    let bits = value.to_bits();
+    match value {
+        // Told apart from a zero without a sign, which has other bits.
+        0.0 if value.is_sign_negative() => format!("0.0 (bits {bits:08x})"),
+        _ if value.is_finite() => format!("{value:?}"),
+        _ => format!("no number (bits {bits:08x})"),
     }
 }
 

@@ -5,7 +5,7 @@ use maze::{FALLEN, Layout, OBSERVATION, upright};
 use serde::Serialize;
 use trace::Trace;
 
-use crate::figure::total;
+use crate::figure::{total, unsigned_zero};
 
 /// No maze is so large (m).
 const FAR: f32 = 1e6;
@@ -114,8 +114,8 @@ impl Story {
             seconds: trace.steps.len() as f64 * f64::from(maze::CONTROL_SECONDS),
             episode_return: Some(total(trace.steps.iter().map(|step| step.reward)))
                 .filter(|sum| sum.is_finite()),
-            start: path.first().copied().unwrap_or(meta.start),
-            goal: meta.goal,
+            start: path.first().unwrap_or(&meta.start).map(unsigned_zero),
+            goal: meta.goal.map(unsigned_zero),
             walked: total(path.windows(2).map(|pair| between(pair[0], pair[1]))),
             nearest: (path.iter())
                 .map(|place| between(*place, meta.goal))
@@ -217,8 +217,8 @@ fn subgoals(trace: &Trace) -> Vec<Subgoal> {
             step: choice.step,
             node: choice.node,
             subgoal_node: choice.subgoal_node,
-            probability: probability.copied().filter(|p| p.is_finite()),
-            value: Some(choice.value).filter(|value| value.is_finite()),
+            probability: (probability.copied().map(unsigned_zero)).filter(|p| p.is_finite()),
+            value: Some(unsigned_zero(choice.value)).filter(|value| value.is_finite()),
             reached: outcome.map(|outcome| outcome.reached),
             steps: match outcome {
                 Some(outcome) => outcome.steps,
