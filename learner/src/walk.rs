@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use agents::ppo::{End, Settings};
-use agents::walker::{self, Batch, Learner};
+use agents::walker::{Batch, Learner};
 use anyhow::Context;
 use config::Config;
 use maze::Egocentric;
@@ -80,8 +80,8 @@ fn save(learner: &Learner, config: &Config, path: &Path) -> anyhow::Result<()> {
         ("hidden".to_owned(), hidden.join(",")),
         ("config".to_owned(), config.hash()),
     ]);
-    let mut tensors = mlp.tensors("policy", &learner.weights[..mlp.parameters()]);
-    let log_std = learner.policy().log_std(&learner.weights);
+    let mut tensors = mlp.tensors("policy", &learner.weights()[..mlp.parameters()]);
+    let log_std = learner.policy().log_std(learner.weights());
     tensors.push(("log_std".to_owned(), vec![log_std.len()], log_std));
     file::save(path, &tensors, &metadata)?;
     Ok(())
@@ -93,7 +93,7 @@ struct Kept {
     version: u64,
     steps: u64,
     rng: Pcg64Mcg,
-    learner: walker::State,
+    learner: agents::actor_critic::State,
 }
 
 fn keep(keeper: &mut Keeper, version: u64, steps: u64, rng: &Pcg64Mcg, learner: &Learner) {
@@ -138,7 +138,11 @@ pub(crate) fn run(
         let file = file::ParameterFile::load(Path::new(&w.start))?;
         let mut start = learner.policy().mlp().from_tensors("policy", &file)?;
         start.extend(file.tensor("log_std", &[maze::ACTION])?);
-        learner.weights = start;
+        anyhow::ensure!(
+            learner.set_weights(start),
+            "{} holds another policy",
+            w.start
+        );
     }
 
     let reporter = Reporter::new(bus)?;
@@ -160,7 +164,7 @@ pub(crate) fn run(
     {
         (version, steps, rng) = (kept.version, kept.steps, kept.rng);
     }
-    publisher.publish(version, shape, &learner.weights)?;
+    publisher.publish(version, shape, learner.weights())?;
 
     let checkpoint = folder.join("checkpoints").join("walker.safetensors");
     let mut batch = Batch::default();
@@ -191,7 +195,7 @@ pub(crate) fn run(
             learner.set_learning_rate(rate * left.max(0.1));
             let report = learner.update(&batch, &mut rng);
             version += 1;
-            publisher.publish(version, shape, &learner.weights)?;
+            publisher.publish(version, shape, learner.weights())?;
             let per_thousand = 1000.0 * falls as f64 / batch.len() as f64;
             let speed = metres / seconds.max(1) as f64;
             for (name, value) in [

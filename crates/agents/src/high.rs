@@ -9,14 +9,14 @@ use std::collections::HashMap;
 
 use graph::{Edge, Graph, Knowledge};
 use nets::categorical::Masked;
-use nets::{Activation, Adam, Mlp, Workspace, clip_global_norm};
+use nets::{Activation, Mlp, Workspace};
 use rand::{Rng, RngExt};
 
 use serde::{Deserialize, Serialize};
 
+use crate::actor_critic::{self, ActorCritic, Distribution, Samples};
 use crate::navigator::Patience;
 use crate::ppo::{self, End, Report};
-use crate::same_shape;
 
 /// Settings of the high level.
 #[derive(Debug, Clone, PartialEq)]
@@ -185,10 +185,7 @@ struct Walk {
 /// All that an update changes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    weights: Vec<f32>,
-    value_parameters: Vec<f32>,
-    policy_adam: Adam,
-    value_adam: Adam,
+    networks: actor_critic::State,
     walks: Vec<Walk>,
     pending: Batch,
     steps: u64,
@@ -198,16 +195,8 @@ pub struct State {
 /// Policy and value in training on one graph.
 pub struct High {
     policy: Policy,
-    value: Mlp,
     settings: Settings,
-    weights: Vec<f32>,
-    value_parameters: Vec<f32>,
-    policy_adam: Adam,
-    value_adam: Adam,
-    policy_workspace: Workspace,
-    value_workspace: Workspace,
-    /// Weight of the entropy bonus at the moment.
-    entropy: f32,
+    networks: ActorCritic,
     walks: Vec<Walk>,
     batch: Batch,
     pending: Batch,
@@ -222,24 +211,21 @@ impl High {
     pub fn new(graph: &Graph, settings: Settings, rng: &mut impl Rng) -> Self {
         let nodes = graph.len();
         let policy = Policy::new(graph.latent_dim, nodes, &settings.hidden);
-        let value = policy.critic.clone();
-        let weights = policy.mlp.init(rng, 0.01);
-        let value_parameters = value.init(rng, 1.0);
-        let capacity = settings.ppo.minibatch.max(settings.environments);
+        let networks = ActorCritic::new(
+            [policy.mlp.clone(), policy.critic.clone()],
+            &[],
+            settings.learning_rate,
+            settings.ppo.clone(),
+            settings.environments,
+            rng,
+        );
         let walks = (0..settings.environments)
             .map(|_| new_walk(nodes, rng))
             .collect();
         Self {
-            policy_adam: Adam::new(weights.len(), settings.learning_rate),
-            value_adam: Adam::new(value_parameters.len(), settings.learning_rate),
-            policy_workspace: policy.mlp.workspace(capacity),
-            value_workspace: value.workspace(capacity),
-            entropy: settings.ppo.entropy,
             policy,
-            value,
             settings,
-            weights,
-            value_parameters,
+            networks,
             walks,
             batch: Batch::default(),
             pending: Batch::default(),
@@ -251,17 +237,14 @@ impl High {
     /// The weights of policy and critic, as actors use them.
     #[must_use]
     pub fn weights(&self) -> Vec<f32> {
-        [&self.weights[..], &self.value_parameters].concat()
+        [&self.networks.weights[..], &self.networks.value_parameters].concat()
     }
 
     /// Where the training is.
     #[must_use]
     pub fn state(&self) -> State {
         State {
-            weights: self.weights.clone(),
-            value_parameters: self.value_parameters.clone(),
-            policy_adam: self.policy_adam.clone(),
-            value_adam: self.value_adam.clone(),
+            networks: self.networks.state(),
             walks: self.walks.clone(),
             pending: self.pending.clone(),
             steps: self.steps,
@@ -282,30 +265,21 @@ impl High {
             records,
             finals,
         } = &state.pending;
-        let fits = same_shape(&[
-            (&state.weights, &self.weights),
-            (&state.value_parameters, &self.value_parameters),
-        ]) && state.policy_adam.fits(self.weights.len())
-            && state.value_adam.fits(self.value_parameters.len())
+        let fits = self.networks.fits(&state.networks)
             && state.walks.len() == self.walks.len()
             && state.walks.iter().all(inside)
             && choices.iter().all(known)
             && finals.iter().all(last)
             && records.len() == finals.len()
             && records.iter().sum::<usize>() == choices.len();
-        if fits {
-            State {
-                weights: self.weights,
-                value_parameters: self.value_parameters,
-                policy_adam: self.policy_adam,
-                value_adam: self.value_adam,
-                walks: self.walks,
-                pending: self.pending,
-                steps: self.steps,
-                ended: self.ended,
-            } = state;
+        if !fits || !self.networks.restore(state.networks) {
+            return false;
         }
-        fits
+        self.walks = state.walks;
+        self.pending = state.pending;
+        self.steps = state.steps;
+        self.ended = state.ended;
+        true
     }
 
     /// The policy's shape.
@@ -317,9 +291,8 @@ impl High {
     /// Sets what is left of step size and entropy bonus, as shares of the settings'.
     pub fn anneal(&mut self, rate: f32, entropy: f32) {
         let rate = rate * self.settings.learning_rate;
-        self.policy_adam.learning_rate = rate;
-        self.value_adam.learning_rate = rate;
-        self.entropy = entropy * self.settings.ppo.entropy;
+        self.networks.set_learning_rate(rate);
+        self.networks.entropy = entropy * self.settings.ppo.entropy;
     }
 
     /// Moves on to a version of the graph with other nodes: those that it shares with `old` keep
@@ -339,13 +312,8 @@ impl High {
             place.get(&id).copied().unwrap_or_else(nearest)
         };
         let sources: Vec<usize> = (0..new.len() as u32).map(source).collect();
-        let mlp = &self.policy.mlp;
-        self.weights = mlp.take_outputs(&self.weights, &sources);
-        self.policy_adam
-            .map_moments(|moments| mlp.take_outputs(moments, &sources));
-        self.policy.mlp = mlp.with_outputs(new.len());
-        let capacity = self.settings.ppo.minibatch.max(self.settings.environments);
-        self.policy_workspace = self.policy.mlp.workspace(capacity);
+        self.networks.take_outputs(&sources);
+        self.policy.mlp = self.policy.mlp.with_outputs(new.len());
         self.pending = Batch::default();
         for walk in &mut self.walks {
             *walk = new_walk(new.len(), rng);
@@ -406,7 +374,36 @@ impl High {
         self.batch.records.extend(pending.records);
         self.batch.finals.extend(pending.finals);
 
-        let batch = std::mem::take(&mut self.batch);
+        let mut batch = std::mem::take(&mut self.batch);
+        let estimate = self.estimate(graph, &batch);
+        let log_probs: Vec<f32> = batch.choices.iter().map(|c| c.log_prob).collect();
+        let choices = &batch.choices;
+        let policy = &self.policy;
+        let samples = Samples {
+            input: |i: usize, input: &mut Vec<f32>| {
+                let Choice { node, goal, .. } = choices[i];
+                policy.input(graph.latent(node), graph.latent(goal), input);
+            },
+            log_probs: &log_probs,
+            estimate: &estimate,
+        };
+        let open = |i: usize, allowed: &mut Vec<usize>| {
+            let edges = graph.neighbours(choices[i].node);
+            allowed.extend(edges.iter().map(|edge| edge.to as usize));
+        };
+        let mut distribution = Neighbours::new(open, |i| choices[i].subgoal as usize);
+        let report = self
+            .networks
+            .update(samples, &mut distribution, |_| (), rng);
+        batch.choices.clear();
+        batch.records.clear();
+        batch.finals.clear();
+        self.batch = batch;
+        report
+    }
+
+    /// Advantages and returns of a batch's choices.
+    fn estimate(&mut self, graph: &Graph, batch: &Batch) -> ppo::Estimate {
         let pairs: Vec<(u32, u32)> = batch.choices.iter().map(|c| (c.node, c.goal)).collect();
         let values = self.values(graph, &pairs);
         let final_values = self.values(graph, &batch.finals);
@@ -421,39 +418,18 @@ impl High {
             (&rewards, &ends, Some(&durations)),
             &mut estimate,
         );
-        let settings = self.settings.ppo.clone();
-        let mut scratch = Scratch::default();
-        let report = ppo::epochs(&settings, batch.choices.len(), rng, |minibatch| {
-            self.step(graph, &batch.choices, &estimate, minibatch, &mut scratch)
-        });
-        self.batch = batch;
-        self.batch.choices.clear();
-        self.batch.records.clear();
-        self.batch.finals.clear();
-        report
+        estimate
     }
 
     /// Values of (node, goal) pairs.
     fn values(&mut self, graph: &Graph, pairs: &[(u32, u32)]) -> Vec<f32> {
         let mut values = Vec::with_capacity(pairs.len());
-        let mut input = vec![];
-        for chunk in pairs.chunks(self.settings.ppo.minibatch) {
-            input.clear();
-            for &(node, goal) in chunk {
-                embed(
-                    graph.latent(node),
-                    graph.latent(goal),
-                    graph.latent_dim,
-                    &mut input,
-                );
-            }
-            let rows = chunk.len();
-            let workspace = &mut self.value_workspace;
-            let out = self
-                .value
-                .infer(&self.value_parameters, &input, rows, workspace);
-            values.extend_from_slice(&out[..rows]);
-        }
+        let policy = &self.policy;
+        let input = |i: usize, input: &mut Vec<f32>| {
+            let (node, goal) = pairs[i];
+            policy.input(graph.latent(node), graph.latent(goal), input);
+        };
+        self.networks.values(pairs.len(), input, &mut values);
         values
     }
 
@@ -470,10 +446,7 @@ impl High {
                 let (node, goal) = (graph.latent(walk.node), graph.latent(walk.goal));
                 self.policy.input(node, goal, &mut input);
             }
-            let logits =
-                self.policy
-                    .mlp
-                    .infer(&self.weights, &input, walks, &mut self.policy_workspace);
+            let logits = self.networks.outputs(&input, walks);
             for (i, walk) in self.walks.iter_mut().enumerate() {
                 let edges = graph.neighbours(walk.node);
                 allowed.clear();
@@ -534,100 +507,6 @@ impl High {
         }
     }
 
-    fn step(
-        &mut self,
-        graph: &Graph,
-        choices: &[Choice],
-        estimate: &ppo::Estimate,
-        minibatch: &[usize],
-        s: &mut Scratch,
-    ) -> Report {
-        let (n, nodes) = (minibatch.len(), graph.len());
-        let scale = 1.0 / n as f32;
-        s.input.clear();
-        for &i in minibatch {
-            let Choice { node, goal, .. } = choices[i];
-            self.policy
-                .input(graph.latent(node), graph.latent(goal), &mut s.input);
-        }
-        s.logit_gradient.clear();
-        s.logit_gradient.resize(n * nodes, 0.0);
-        s.error.resize(n, 0.0);
-        let mut report = Report::default();
-        let logits =
-            self.policy
-                .mlp
-                .forward(&self.weights, &s.input, n, &mut self.policy_workspace);
-        for (row, &i) in minibatch.iter().enumerate() {
-            let choice = &choices[i];
-            s.allowed.clear();
-            s.allowed.extend(
-                graph
-                    .neighbours(choice.node)
-                    .iter()
-                    .map(|edge| edge.to as usize),
-            );
-            let Some(picked) = s.allowed.iter().position(|&j| j == choice.subgoal as usize) else {
-                continue;
-            };
-            let Some(masked) = Masked::new(&logits[row * nodes..(row + 1) * nodes], &s.allowed)
-            else {
-                continue;
-            };
-            let log_prob = masked.log_prob(picked);
-            let (loss, gradient, clipped) = ppo::surrogate(
-                log_prob,
-                choice.log_prob,
-                estimate.advantages[i],
-                self.settings.ppo.clip,
-            );
-            let out = &mut s.logit_gradient[row * nodes..(row + 1) * nodes];
-            masked.add_gradient(picked, scale * gradient, -scale * self.entropy, out);
-            let shift = log_prob - choice.log_prob;
-            report.policy_loss += scale * loss;
-            report.entropy += scale * masked.entropy();
-            report.kl += scale * (shift.exp() - 1.0 - shift);
-            report.clip_fraction += scale * f32::from(u8::from(clipped));
-        }
-        s.gradient.clear();
-        s.gradient.resize(self.weights.len(), 0.0);
-        self.policy.mlp.backward(
-            &self.weights,
-            &s.input,
-            n,
-            &mut self.policy_workspace,
-            &s.logit_gradient,
-            &mut s.gradient,
-            None,
-        );
-        clip_global_norm(&mut s.gradient, self.settings.ppo.max_gradient_norm);
-        self.policy_adam.step(&mut self.weights, &s.gradient);
-
-        let parameters = &mut self.value_parameters;
-        let values = self
-            .value
-            .forward(parameters, &s.input, n, &mut self.value_workspace);
-        for (row, &i) in minibatch.iter().enumerate() {
-            let error = values[row] - estimate.returns[i];
-            report.value_loss += scale * error * error;
-            s.error[row] = 2.0 * scale * self.settings.ppo.value_loss * error;
-        }
-        s.gradient.clear();
-        s.gradient.resize(parameters.len(), 0.0);
-        self.value.backward(
-            parameters,
-            &s.input,
-            n,
-            &mut self.value_workspace,
-            &s.error,
-            &mut s.gradient,
-            None,
-        );
-        clip_global_norm(&mut s.gradient, self.settings.ppo.max_gradient_norm);
-        self.value_adam.step(parameters, &s.gradient);
-        report
-    }
-
     /// Share of all (start, goal) pairs, thinned to at most `pairs`, that the most likely choices
     /// lead from start to goal, and what their paths cost over what the cheapest ones do.
     pub fn quality(&mut self, graph: &Graph, pairs: usize, rng: &mut impl Rng) -> (f32, f32) {
@@ -645,10 +524,7 @@ impl High {
                 input.clear();
                 self.policy
                     .input(graph.latent(node), graph.latent(goal), &mut input);
-                let logits =
-                    self.policy
-                        .mlp
-                        .infer(&self.weights, &input, 1, &mut self.policy_workspace);
+                let logits = self.networks.outputs(&input, 1);
                 let best = graph
                     .neighbours(node)
                     .iter()
@@ -670,13 +546,47 @@ impl High {
     }
 }
 
-#[derive(Default)]
-struct Scratch {
-    input: Vec<f32>,
+/// The softmax over each choice's open neighbours; all other nodes are masked.
+pub(crate) struct Neighbours<O, P> {
+    open: O,
+    picked: P,
     allowed: Vec<usize>,
-    logit_gradient: Vec<f32>,
-    error: Vec<f32>,
-    gradient: Vec<f32>,
+}
+
+impl<O: Fn(usize, &mut Vec<usize>), P: Fn(usize) -> usize> Neighbours<O, P> {
+    /// `open` appends the nodes that sample `i` chose among, `picked` is the one that it chose.
+    pub(crate) fn new(open: O, picked: P) -> Self {
+        Self {
+            open,
+            picked,
+            allowed: vec![],
+        }
+    }
+}
+
+impl<O: Fn(usize, &mut Vec<usize>), P: Fn(usize) -> usize> Distribution for Neighbours<O, P> {
+    fn grade(
+        &mut self,
+        i: usize,
+        outputs: &[f32],
+        _free: &[f32],
+        weigh: impl FnOnce(f32, f32) -> [f32; 2],
+        output_gradient: &mut [f32],
+        _free_gradient: &mut [f32],
+    ) -> bool {
+        self.allowed.clear();
+        (self.open)(i, &mut self.allowed);
+        let node = (self.picked)(i);
+        let Some(picked) = self.allowed.iter().position(|&other| other == node) else {
+            return false;
+        };
+        let Some(masked) = Masked::new(outputs, &self.allowed) else {
+            return false;
+        };
+        let [log_weight, entropy_weight] = weigh(masked.log_prob(picked), masked.entropy());
+        masked.add_gradient(picked, log_weight, entropy_weight, output_gradient);
+        true
+    }
 }
 
 /// Reward of one choice: the cost of its steps, as many as an edge's mean ones cost one edge, and

@@ -7,8 +7,10 @@
 //! | `high.rs` | PPO with masked logits on the latent graph | 3b |
 //! | `navigator.rs` | both levels at work | execution |
 //! | `walker.rs` | PPO of a walking policy, which makes the offline data | - |
-//! | `ppo.rs` | what the two PPO agents share: advantages, surrogate, epochs | - |
+//! | `actor_critic.rs` | one PPO update, of any distribution | - |
+//! | `ppo.rs` | advantages, surrogate, epochs | - |
 
+pub mod actor_critic;
 pub mod high;
 pub mod low;
 pub mod navigator;

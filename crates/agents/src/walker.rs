@@ -2,13 +2,12 @@
 //! by PPO online. It makes the offline data, in the place of D4RL's goal-reaching policy.
 
 use maze::{ACTION, EGOCENTRIC};
-use nets::{Activation, Adam, Mlp, Workspace, clip_global_norm};
+use nets::{Activation, Mlp, Workspace};
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
-use serde::{Deserialize, Serialize};
 
+use crate::actor_critic::{self, ActorCritic, Samples, State};
 use crate::ppo::{self, End, Report, Settings};
-use crate::same_shape;
 
 const LOG_TAU: f32 = 1.837_877; // ln(2 pi)
 
@@ -125,42 +124,17 @@ impl Batch {
     }
 }
 
-/// All that an update changes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct State {
-    weights: Vec<f32>,
-    value_parameters: Vec<f32>,
-    policy_adam: Adam,
-    value_adam: Adam,
-}
-
 /// Actor, critic and their optimisers.
 pub struct Learner {
     policy: Policy,
-    value: Mlp,
-    settings: Settings,
-    /// The policy's flat weights, as actors use them.
-    pub weights: Vec<f32>,
-    /// The critic's parameters.
-    pub value_parameters: Vec<f32>,
-    policy_adam: Adam,
-    value_adam: Adam,
-    policy_workspace: Workspace,
-    value_workspace: Workspace,
-    scratch: Scratch,
-}
-
-#[derive(Default)]
-struct Scratch {
+    networks: ActorCritic,
     values: Vec<f32>,
     final_values: Vec<f32>,
     estimate: ppo::Estimate,
-    features: Vec<f32>,
-    policy_gradient: Vec<f32>,
-    value_gradient: Vec<f32>,
-    mean_gradient: Vec<f32>,
-    error: Vec<f32>,
 }
+
+/// Without bounds on the spread a batch can make it collapse or explode.
+const LOG_STD: [f32; 2] = [-2.5, 0.5];
 
 impl Learner {
     /// A learner with fresh networks.
@@ -173,26 +147,53 @@ impl Learner {
     ) -> Self {
         let policy = Policy::new(hidden);
         let sizes = [&[EGOCENTRIC], hidden, &[1]].concat();
-        let value = Mlp::new(&sizes, Activation::Tanh, false);
-        let weights = policy.init(log_std, rng);
-        let value_parameters = value.init(rng, 1.0);
-        let scratch = Scratch {
-            policy_gradient: vec![0.0; weights.len()],
-            value_gradient: vec![0.0; value_parameters.len()],
-            ..Scratch::default()
-        };
+        let networks = [
+            policy.mlp().clone(),
+            Mlp::new(&sizes, Activation::Tanh, false),
+        ];
         Self {
-            policy_adam: Adam::new(weights.len(), learning_rate),
-            value_adam: Adam::new(value_parameters.len(), learning_rate),
-            policy_workspace: policy.mlp().workspace(settings.minibatch),
-            value_workspace: value.workspace(settings.minibatch),
+            networks: ActorCritic::new(
+                networks,
+                &[log_std; ACTION],
+                learning_rate,
+                settings,
+                0,
+                rng,
+            ),
             policy,
-            value,
-            settings,
-            weights,
-            value_parameters,
-            scratch,
+            values: vec![],
+            final_values: vec![],
+            estimate: ppo::Estimate::default(),
         }
+    }
+
+    /// The policy's flat weights, as actors use them.
+    #[must_use]
+    pub fn weights(&self) -> &[f32] {
+        &self.networks.weights
+    }
+
+    /// Begins with these weights instead; false, and nothing is changed, where their number is
+    /// wrong.
+    #[must_use]
+    pub fn set_weights(&mut self, weights: Vec<f32>) -> bool {
+        let fits = weights.len() == self.networks.weights.len();
+        if fits {
+            self.networks.weights = weights;
+        }
+        fits
+    }
+
+    /// Where the training is.
+    #[must_use]
+    pub fn state(&self) -> State {
+        self.networks.state()
+    }
+
+    /// Goes on from a state; false, and nothing is changed, where it is of other networks.
+    #[must_use]
+    pub fn restore(&mut self, state: State) -> bool {
+        self.networks.restore(state)
     }
 
     /// The policy's shape.
@@ -201,178 +202,83 @@ impl Learner {
         &self.policy
     }
 
-    /// Where the training is.
-    #[must_use]
-    pub fn state(&self) -> State {
-        State {
-            weights: self.weights.clone(),
-            value_parameters: self.value_parameters.clone(),
-            policy_adam: self.policy_adam.clone(),
-            value_adam: self.value_adam.clone(),
-        }
-    }
-
-    /// Goes on from a state; false, and nothing is changed, where it is of other networks.
-    #[must_use]
-    pub fn restore(&mut self, state: State) -> bool {
-        let fits = same_shape(&[
-            (&state.weights, &self.weights),
-            (&state.value_parameters, &self.value_parameters),
-        ]) && state.policy_adam.fits(self.weights.len())
-            && state.value_adam.fits(self.value_parameters.len());
-        if fits {
-            State {
-                weights: self.weights,
-                value_parameters: self.value_parameters,
-                policy_adam: self.policy_adam,
-                value_adam: self.value_adam,
-            } = state;
-        }
-        fits
-    }
-
     /// Sets the step size of both networks.
     pub fn set_learning_rate(&mut self, rate: f32) {
-        self.policy_adam.learning_rate = rate;
-        self.value_adam.learning_rate = rate;
-    }
-
-    fn evaluate(&mut self, features: &[f32], out: &mut Vec<f32>) {
-        out.clear();
-        for chunk in features.chunks(self.settings.minibatch * EGOCENTRIC) {
-            let rows = chunk.len() / EGOCENTRIC;
-            let values = self.value.infer(
-                &self.value_parameters,
-                chunk,
-                rows,
-                &mut self.value_workspace,
-            );
-            out.extend_from_slice(&values[..rows]);
-        }
+        self.networks.set_learning_rate(rate);
     }
 
     /// One PPO update on a batch of on-policy steps.
     pub fn update(&mut self, batch: &Batch, rng: &mut impl Rng) -> Report {
-        let mut scratch = std::mem::take(&mut self.scratch);
-        self.estimate(batch, &mut scratch);
-        let settings = self.settings.clone();
-        let report = ppo::epochs(&settings, batch.len(), rng, |minibatch| {
-            self.step(batch, minibatch, &mut scratch)
-        });
-        self.scratch = scratch;
-        report
-    }
-
-    /// Values and advantages of the batch.
-    fn estimate(&mut self, batch: &Batch, scratch: &mut Scratch) {
-        self.evaluate(&batch.features, &mut scratch.values);
-        self.evaluate(&batch.final_features, &mut scratch.final_values);
+        let row = |features: &[f32], i: usize, input: &mut Vec<f32>| {
+            input.extend_from_slice(&features[i * EGOCENTRIC..(i + 1) * EGOCENTRIC]);
+        };
+        self.values.clear();
+        self.final_values.clear();
+        let networks = &mut self.networks;
+        let steps = |i: usize, input: &mut Vec<f32>| row(&batch.features, i, input);
+        networks.values(batch.len(), steps, &mut self.values);
+        let finals = |i: usize, input: &mut Vec<f32>| row(&batch.final_features, i, input);
+        networks.values(batch.records.len(), finals, &mut self.final_values);
         ppo::estimate(
-            &self.settings,
+            networks.settings(),
             &batch.records,
-            (&scratch.values, &scratch.final_values),
+            (&self.values, &self.final_values),
             (&batch.rewards, &batch.ends, None),
-            &mut scratch.estimate,
+            &mut self.estimate,
         );
+        let samples = Samples {
+            input: steps,
+            log_probs: &batch.log_probs,
+            estimate: &self.estimate,
+        };
+        let bound = |log_std: &mut [f32]| {
+            for value in log_std {
+                *value = value.clamp(LOG_STD[0], LOG_STD[1]);
+            }
+        };
+        networks.update(samples, &mut Gaussian::new(&batch.actions), bound, rng)
     }
+}
 
-    fn step(&mut self, batch: &Batch, minibatch: &[usize], scratch: &mut Scratch) -> Report {
-        let n = minibatch.len();
-        let scale = 1.0 / n as f32;
-        let network = self.policy.mlp().parameters();
-        let Scratch {
-            estimate,
-            features,
-            policy_gradient,
-            value_gradient,
-            mean_gradient,
-            error,
-            ..
-        } = scratch;
-        features.clear();
-        for &i in minibatch {
-            features.extend_from_slice(&batch.features[i * EGOCENTRIC..(i + 1) * EGOCENTRIC]);
-        }
-        policy_gradient.fill(0.0);
-        value_gradient.fill(0.0);
-        mean_gradient.resize(n * ACTION, 0.0);
-        error.resize(n, 0.0);
+/// A diagonal Gaussian around the network's outputs; its log standard deviations are free
+/// parameters.
+pub(crate) struct Gaussian<'a> {
+    actions: &'a [f32],
+}
 
-        let (parameters, log_std) = self.weights.split_at(network);
-        let means = self
-            .policy
-            .mlp()
-            .forward(parameters, features, n, &mut self.policy_workspace);
-        let mut report = Report::default();
-        for (row, &i) in minibatch.iter().enumerate() {
-            let mean = &means[row * ACTION..(row + 1) * ACTION];
-            let action = &batch.actions[i * ACTION..(i + 1) * ACTION];
-            let mut log_prob = 0.0;
-            for k in 0..ACTION {
-                let noise = (action[k] - mean[k]) * (-log_std[k]).exp();
-                log_prob -= 0.5 * noise * noise + log_std[k] + 0.5 * LOG_TAU;
-            }
-            let behaviour = batch.log_probs[i];
-            let (loss, gradient, clipped) = ppo::surrogate(
-                log_prob,
-                behaviour,
-                estimate.advantages[i],
-                self.settings.clip,
-            );
-            for k in 0..ACTION {
-                let std = log_std[k].exp();
-                let noise = (action[k] - mean[k]) / std;
-                mean_gradient[row * ACTION + k] = scale * gradient * noise / std;
-                policy_gradient[network + k] += scale * gradient * (noise * noise - 1.0);
-            }
-            let shift = log_prob - behaviour;
-            report.policy_loss += scale * loss;
-            // Schulman's low-variance estimate of the divergence.
-            report.kl += scale * (shift.exp() - 1.0 - shift);
-            report.clip_fraction += scale * f32::from(u8::from(clipped));
-        }
-        for k in 0..ACTION {
-            report.entropy += log_std[k] + 0.5 * (LOG_TAU + 1.0);
-            policy_gradient[network + k] -= self.settings.entropy;
-        }
-        let (net_gradient, _) = policy_gradient.split_at_mut(network);
-        self.policy.mlp().backward(
-            parameters,
-            features,
-            n,
-            &mut self.policy_workspace,
-            mean_gradient,
-            net_gradient,
-            None,
-        );
-        clip_global_norm(policy_gradient, self.settings.max_gradient_norm);
-        self.policy_adam.step(&mut self.weights, policy_gradient);
-        // Without bounds on the spread a batch can make it collapse or explode.
-        for log_std in &mut self.weights[network..] {
-            *log_std = log_std.clamp(-2.5, 0.5);
-        }
+impl<'a> Gaussian<'a> {
+    /// Of actions `[n, outputs]`.
+    pub(crate) fn new(actions: &'a [f32]) -> Self {
+        Self { actions }
+    }
+}
 
-        let value_parameters = &mut self.value_parameters;
-        let values = self
-            .value
-            .forward(value_parameters, features, n, &mut self.value_workspace);
-        for (row, &i) in minibatch.iter().enumerate() {
-            let difference = values[row] - estimate.returns[i];
-            report.value_loss += scale * difference * difference;
-            error[row] = scale * self.settings.value_loss * 2.0 * difference;
+impl actor_critic::Distribution for Gaussian<'_> {
+    fn grade(
+        &mut self,
+        i: usize,
+        mean: &[f32],
+        log_std: &[f32],
+        weigh: impl FnOnce(f32, f32) -> [f32; 2],
+        mean_gradient: &mut [f32],
+        log_std_gradient: &mut [f32],
+    ) -> bool {
+        let width = mean.len();
+        let action = &self.actions[i * width..(i + 1) * width];
+        let (mut log_prob, mut entropy) = (0.0, 0.0);
+        for k in 0..width {
+            let noise = (action[k] - mean[k]) * (-log_std[k]).exp();
+            log_prob -= 0.5 * noise * noise + log_std[k] + 0.5 * LOG_TAU;
+            entropy += log_std[k] + 0.5 * (LOG_TAU + 1.0);
         }
-        self.value.backward(
-            value_parameters,
-            features,
-            n,
-            &mut self.value_workspace,
-            error,
-            value_gradient,
-            None,
-        );
-        clip_global_norm(value_gradient, self.settings.max_gradient_norm);
-        self.value_adam.step(value_parameters, value_gradient);
-        report
+        let [log_weight, entropy_weight] = weigh(log_prob, entropy);
+        for k in 0..width {
+            let std = log_std[k].exp();
+            let noise = (action[k] - mean[k]) / std;
+            mean_gradient[k] += log_weight * noise / std;
+            log_std_gradient[k] += log_weight * (noise * noise - 1.0) + entropy_weight;
+        }
+        true
     }
 }
 
@@ -414,10 +320,10 @@ mod tests {
                     .collect();
                 let mut action = [0.0; ACTION];
                 let policy = learner.policy();
-                let mean = policy.mean(&learner.weights, &features, 1, &mut workspace);
+                let mean = policy.mean(learner.weights(), &features, 1, &mut workspace);
                 let log_prob = sample(
                     mean,
-                    policy.log_std(&learner.weights),
+                    policy.log_std(learner.weights()),
                     &mut rng,
                     &mut action,
                 );
