@@ -1,0 +1,80 @@
+//! What an actor steps, and what an algorithm knows of it.
+//!
+//! A [`Simulator`] is one environment. Its [`Body`] is what is known without one: spaces, and how an
+//! observation is read. Neither knows an algorithm, a process or a file.
+
+mod body;
+mod space;
+
+use rand::Rng;
+
+pub use body::{Body, Frame, Shape};
+pub use space::{Dtype, Space, Spaces, SpacesError, Values};
+
+/// Which tasks an episode is drawn from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tasks {
+    /// The benchmark's own, for a score.
+    Evaluation,
+    /// Any start and goal, to learn from.
+    Training,
+}
+
+/// Where an episode starts and what it is to reach.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Task {
+    /// The place of the start, before reset noise (m).
+    pub start: [f32; 2],
+    /// The goal, as wide as the [`Spaces::goal`].
+    pub goal: Vec<f32>,
+}
+
+/// What came of an action.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Step {
+    /// Reward.
+    pub reward: f32,
+    /// Whether the goal is reached, which ends the episode.
+    pub success: bool,
+    /// Whether the body cannot go on, as an ant on its back.
+    pub fell: bool,
+}
+
+/// Bytes that are no state of this simulator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the state is not one of this simulator; replay it with the version that recorded it")]
+pub struct StateError;
+
+/// One environment, stepped by an actor.
+pub trait Simulator: Send {
+    /// What is known of it without an instance.
+    fn body(&self) -> &'static dyn Body;
+
+    /// Draws a task.
+    fn draw(&self, tasks: Tasks, rng: &mut dyn Rng) -> Task;
+
+    /// Begins an episode, with the benchmark's reset noise.
+    fn reset(&mut self, task: &Task, rng: &mut dyn Rng);
+
+    /// Takes a control step. Actions beyond the bounds are clipped.
+    fn step(&mut self, action: &[f32]) -> Step;
+
+    /// The observation after the last step or reset.
+    fn observation(&self) -> Values<'_>;
+
+    /// The goal that an observation reaches, appended to `goal`.
+    fn goal_of(&self, observation: Values<'_>, goal: &mut Vec<f32>);
+
+    /// The state as bytes that [`restore`](Self::restore) goes on from bit by bit. `None` where a
+    /// simulator cannot tell: some can at an episode's start alone.
+    fn state(&self) -> Option<Vec<u8>>;
+
+    /// Goes on from a state.
+    ///
+    /// # Errors
+    /// [`StateError`] for bytes that are no state of it; nothing is changed then.
+    fn restore(&mut self, state: &[u8]) -> Result<(), StateError>;
+
+    /// Poses of the body's [`shapes`](Body::shapes), to draw: x, y, z (m), quaternion w, x, y, z.
+    fn poses(&self, poses: &mut Vec<[f32; 7]>);
+}
