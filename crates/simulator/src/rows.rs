@@ -27,7 +27,7 @@ const LOG_PROB: usize = 2;
 const HEAD: usize = 3;
 
 /// Where a row's values are.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RowLayout {
     dtype: Dtype,
     elements: usize,

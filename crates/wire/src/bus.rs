@@ -17,12 +17,13 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use crate::WireError;
 use crate::cause::Cause;
+use crate::directive::Directive;
 use crate::domain::RunDomain;
-use crate::limits::{HELD, Limits, Qos, SPARE};
+use crate::limits::{HELD, Limits, Part, Qos, SPARE};
 use crate::records::{
-    Acknowledgement, AcknowledgementHeader, Directive, EpisodeResult, LAYOUT, Metric, Module,
-    SnapshotHeader, Status, TrajectoryHeader, Transition,
+    Acknowledgement, AcknowledgementHeader, LAYOUT, SnapshotHeader, TrajectoryHeader,
 };
+use crate::status::{EpisodeResult, Metric, Status};
 
 pub(crate) type Ipc = ipc::Service;
 pub(crate) type Topic<T, H> = PortFactory<Ipc, [T], H>;
@@ -124,16 +125,13 @@ impl Bus {
             path: path.display().to_string(),
             reason,
         })?;
-        let (theirs, limits) = Limits::from_text(&text).ok_or(WireError::Layout {
-            theirs: 0,
-            ours: LAYOUT,
-        })?;
-        if theirs != LAYOUT {
+        let (theirs, limits) = Limits::from_text(&text).unwrap_or_default();
+        let Some(limits) = limits.filter(|_| theirs == LAYOUT) else {
             return Err(WireError::Layout {
                 theirs,
                 ours: LAYOUT,
             });
-        }
+        };
         Self::join_as(domain, name, limits, false)
     }
 
@@ -274,8 +272,8 @@ impl Bus {
             Box::new(self.event(Waker::Readers)?),
             Box::new(self.event(Waker::Actors)?),
         ];
-        for module in Module::ALL {
-            held.push(Box::new(self.weights(module)?));
+        for part in &self.limits.parts {
+            held.push(Box::new(self.weights(part)?));
         }
         Ok(held)
     }
@@ -309,7 +307,7 @@ impl Bus {
         .map_err(service)
     }
 
-    pub(crate) fn trajectories(&self) -> Result<Topic<Transition, TrajectoryHeader>, WireError> {
+    pub(crate) fn trajectories(&self) -> Result<Topic<u32, TrajectoryHeader>, WireError> {
         self.topic("trajectories", &self.limits.trajectory_qos())
     }
 
@@ -325,8 +323,8 @@ impl Bus {
         self.topic("acknowledgements", &qos)
     }
 
-    pub(crate) fn weights(&self, module: Module) -> Result<Topic<f32, SnapshotHeader>, WireError> {
-        self.topic(module.service(), &self.limits.latest_qos())
+    pub(crate) fn weights(&self, part: &Part) -> Result<Topic<f32, SnapshotHeader>, WireError> {
+        self.topic(&part.service(), &self.limits.latest_qos())
     }
 
     pub(crate) fn graph(&self) -> Result<Topic<u8, SnapshotHeader>, WireError> {

@@ -13,12 +13,14 @@ use iceoryx2::sample::Sample;
 
 use crate::WireError;
 use crate::bus::{Bus, Ipc, Topic, Waker};
-use crate::records::{Directive, Module, SnapshotHeader};
+use crate::directive::Directive;
+use crate::limits::Part;
+use crate::records::SnapshotHeader;
 
 struct Outlet<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> {
     publisher: Publisher<Ipc, [T], SnapshotHeader>,
     wake: Vec<Notifier<Ipc>>,
-    service: &'static str,
+    service: String,
     limit: usize,
 }
 
@@ -26,7 +28,7 @@ impl<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> Outlet<T> {
     fn new(
         bus: &Bus,
         topic: &Topic<T, SnapshotHeader>,
-        service: &'static str,
+        service: &str,
         limit: usize,
         wake: &[Waker],
     ) -> Result<Self, WireError> {
@@ -44,7 +46,7 @@ impl<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> Outlet<T> {
         Ok(Self {
             publisher,
             wake,
-            service,
+            service: service.to_owned(),
             limit,
         })
     }
@@ -53,12 +55,12 @@ impl<T: std::fmt::Debug + ZeroCopySend + Copy + 'static> Outlet<T> {
         if values.len() > self.limit {
             let (got, limit) = (values.len(), self.limit);
             return Err(WireError::TooLong {
-                what: self.service,
+                what: "snapshot",
                 got,
                 limit,
             });
         }
-        let failed = |reason: String| WireError::service(self.service, "publish", reason, None);
+        let failed = |reason: String| WireError::service(&self.service, "publish", reason, None);
         let mut sample = self
             .publisher
             .loan_slice_uninit(values.len())
@@ -104,19 +106,25 @@ fn newest<T: std::fmt::Debug + ZeroCopySend>(
 /// Refusals that are named in the log.
 const NAMED: u64 = 10;
 
-/// Publishes a module's weights.
+/// A part of the run's algorithm by its number.
+fn part(bus: &Bus, number: usize) -> Result<Part, WireError> {
+    let part = bus.limits().parts.get(number);
+    part.cloned().ok_or(WireError::NoPart(number))
+}
+
+/// Publishes the weights of one of the algorithm's networks.
 pub struct WeightsPublisher(Outlet<f32>);
 
 impl WeightsPublisher {
-    /// For a module.
+    /// For a network, by its place among the run's [parts](crate::Limits::parts).
     ///
     /// # Errors
-    /// A port that cannot be made.
-    pub fn new(bus: &Bus, module: Module) -> Result<Self, WireError> {
-        let limit = bus.limits().weights[module as usize];
-        let topic = bus.weights(module)?;
+    /// A network that the run does not have, a port that cannot be made.
+    pub fn new(bus: &Bus, number: usize) -> Result<Self, WireError> {
+        let part = part(bus, number)?;
+        let topic = bus.weights(&part)?;
         let wake = [Waker::Readers, Waker::Actors];
-        Outlet::new(bus, &topic, module.service(), limit, &wake).map(Self)
+        Outlet::new(bus, &topic, &part.service(), part.values, &wake).map(Self)
     }
 
     /// Publishes a version; `shape_hash` tells readers which network it is of.
@@ -150,28 +158,27 @@ pub struct Weights {
     pub values: Vec<f32>,
 }
 
-/// Receives a module's weights.
+/// Receives the weights of one of the algorithm's networks.
 pub struct WeightsSubscriber {
     subscriber: Subscriber<Ipc, [f32], SnapshotHeader>,
-    module: Module,
-    most: usize,
+    part: Part,
     refused: u64,
 }
 
 impl WeightsSubscriber {
-    /// For a module.
+    /// For a network, by its place among the run's [parts](crate::Limits::parts).
     ///
     /// # Errors
-    /// A port that cannot be made.
-    pub fn new(bus: &Bus, module: Module) -> Result<Self, WireError> {
-        let topic = bus.weights(module)?;
-        let subscriber = bus.port(module.service(), "get a subscriber", || {
+    /// A network that the run does not have, a port that cannot be made.
+    pub fn new(bus: &Bus, number: usize) -> Result<Self, WireError> {
+        let part = part(bus, number)?;
+        let topic = bus.weights(&part)?;
+        let subscriber = bus.port(&part.service(), "get a subscriber", || {
             topic.subscriber_builder().create()
         })?;
         Ok(Self {
             subscriber,
-            module,
-            most: bus.limits().weights[module as usize],
+            part,
             refused: 0,
         })
     }
@@ -183,21 +190,25 @@ impl WeightsSubscriber {
     }
 
     /// The newest weights, if there are newer ones than at the last call. Weights with values
-    /// that are not finite, or not as many as the module has, are refused; of the high level,
-    /// whose graph may grow, not more than it can come to have.
+    /// that are not finite, or not as many as the network has, are refused; of a network that
+    /// grows with a graph, not more than it can come to have.
     pub fn latest(&mut self) -> Option<Weights> {
-        let (module, most) = (self.module, self.most);
+        let Part {
+            values: most,
+            grows,
+            ..
+        } = self.part;
+        let name = &self.part.name;
         let sample = newest(&self.subscriber, &mut self.refused, |values: &[f32]| {
-            let fits = match module {
-                Module::High => (1..=most).contains(&values.len()),
-                _ => values.len() == most,
-            };
-            let (service, got) = (module.service(), values.len());
+            let got = values.len();
+            let fits = got == most || (grows && (1..most).contains(&got));
             if !fits {
-                return Err(format!("{service}: {got} values where {most} are expected"));
+                return Err(format!(
+                    "weights-{name}: {got} values where {most} are expected"
+                ));
             }
             match values.iter().position(|value| !value.is_finite()) {
-                Some(at) => Err(format!("{service}: value {at} of {got} is not finite")),
+                Some(at) => Err(format!("weights-{name}: value {at} of {got} is not finite")),
                 None => Ok(()),
             }
         })?;
@@ -397,11 +408,11 @@ mod tests {
     fn a_late_joiner_gets_the_newest_weights_and_only_once() {
         let domain = RunDomain::create().unwrap();
         let host = Bus::host(&domain, &limits()).unwrap();
-        let publisher = WeightsPublisher::new(&host, Module::Encoder).unwrap();
+        let publisher = WeightsPublisher::new(&host, 0).unwrap();
         publisher.publish(1, 7, &[1.0; 100]).unwrap();
         publisher.publish(2, 7, &[2.0; 100]).unwrap();
         let bus = Bus::join(&RunDomain::open(domain.id()).unwrap(), "late").unwrap();
-        let mut subscriber = WeightsSubscriber::new(&bus, Module::Encoder).unwrap();
+        let mut subscriber = WeightsSubscriber::new(&bus, 0).unwrap();
         publisher.keep_alive();
         let weights = subscriber.latest().unwrap();
         assert_eq!((weights.version, weights.shape_hash), (2, 7));
@@ -413,6 +424,10 @@ mod tests {
         publisher.publish(4, 7, &[0.0; 99]).unwrap();
         assert_eq!(subscriber.latest(), None);
         assert_eq!(subscriber.refused(), 2);
+        assert!(matches!(
+            WeightsSubscriber::new(&bus, 7),
+            Err(WireError::NoPart(7))
+        ));
         drop((publisher, subscriber, bus, host));
         domain.remove();
     }

@@ -12,7 +12,6 @@ use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::Path;
 
 use crate::records::MAX_ACTORS;
-use crate::trajectories::Counts;
 
 const MAGIC: &[u8; 8] = b"FORMICAL";
 const HEAD: usize = 64;
@@ -20,6 +19,22 @@ const ROW: usize = 32;
 const TABLE: usize = HEAD + ROW * MAX_ACTORS;
 /// A longer file is none of ours.
 const LONGEST: u64 = 64 << 20;
+
+/// What a reader has had in all.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Trajectories received.
+    pub trajectories: u64,
+    /// Transitions received.
+    pub transitions: u64,
+    /// Messages that came a second time.
+    pub repeated: u64,
+    /// Messages that came before one that was sent earlier; they are sent again after it.
+    pub early: u64,
+    /// Messages refused at the door: another layout, absurd lengths or indices, values that are
+    /// not finite, a process that is not the actor that it says it is.
+    pub refused: u64,
+}
 
 /// What a reader has had from one actor process.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -3,9 +3,9 @@
 //!
 //! | service | from -> to | payload |
 //! |---|---|---|
-//! | trajectories | actors -> learner, graph-builder | [`Transition`]s behind a [`TrajectoryHeader`] |
+//! | trajectories | actors -> learner, graph-builder | [rows](simulator::Rows) and choices behind a [`TrajectoryHeader`] |
 //! | acknowledgements | learner, graph-builder -> actors | next sequence number of each actor |
-//! | weights-* | learner -> all | flat f32 of a [`Module`] |
+//! | weights-* | learner -> all | flat f32 of a [`Part`] |
 //! | graph | graph-builder -> all | bytes of the graph file |
 //! | directive | launcher -> all | [`Directive`], latest value |
 //! | status, metrics, results | all -> launcher | [`Status`], [`Metric`], [`EpisodeResult`] |
@@ -18,16 +18,21 @@
 mod allowance;
 mod bus;
 mod cause;
-mod choices;
+mod directive;
 mod domain;
 mod latest;
 mod ledger;
 mod limits;
 mod logging;
+mod reader;
+mod receiver;
 mod records;
 mod reports;
 mod round;
-mod trajectories;
+mod sender;
+mod status;
+#[cfg(test)]
+mod tests;
 
 use std::hash::{BuildHasher, RandomState};
 use std::path::PathBuf;
@@ -35,7 +40,7 @@ use std::sync::OnceLock;
 
 pub use bus::{Bus, Claim, Waker};
 pub use cause::Cause;
-pub use choices::settled;
+pub use directive::{Directive, MAX_EPISODES, Phase};
 pub use domain::{
     Kept, Leftover, Liveness, RunDomain, SHARED_MEMORY, SOCKETS, Unseen, clear, clear_unseen,
     leftovers, shared_memory_available, shared_memory_is_in_memory, sockets_available,
@@ -44,15 +49,15 @@ pub use latest::{
     DirectivePublisher, DirectiveSubscriber, GraphPublisher, GraphSubscriber, Weights,
     WeightsPublisher, WeightsSubscriber,
 };
-pub use ledger::{Books, Source};
-pub use limits::Limits;
-pub use records::{
-    ACTION, Directive, EpisodeResult, Kind, LAYOUT, MAX_ACTORS, MAX_EPISODES, Metric, Module,
-    OBSERVATION, Phase, Reader, Role, State, Status, TrajectoryHeader, Transition, flags,
-};
+pub use ledger::{Books, Counts, Source};
+pub use limits::{Limits, Part};
+pub use reader::Reader;
+pub use receiver::{Trajectory, TrajectoryReceiver};
+pub use records::{GRAPH, Kind, LAYOUT, MAX_ACTORS, PARTS, TrajectoryHeader, Versions};
 pub use reports::{ReportReader, Reporter};
-pub use round::{Rounds, Trajectory};
-pub use trajectories::{Counts, Drained, TrajectoryReceiver, TrajectorySender};
+pub use round::{OwnedTrajectory, Rounds};
+pub use sender::{Drained, TrajectorySender};
+pub use status::{EpisodeResult, Metric, Role, State, Status};
 
 /// A number for this process that no other of a run has. It is drawn: process ids come again, and
 /// are the same in several PID namespaces; clocks are set back.
@@ -170,6 +175,9 @@ pub enum WireError {
         /// Where else the limit is set.
         elsewhere: &'static str,
     },
+    /// The run's algorithm has no such network.
+    #[error("the run has no network of number {0}; use one version of formica for all processes")]
+    NoPart(usize),
     /// A required reader did not answer in time.
     #[error("{reader} did not answer actor {actor} within {seconds:.0} s")]
     NoAnswer {

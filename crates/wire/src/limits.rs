@@ -1,18 +1,66 @@
 //! Sizes that a run's services are made with, and what they come to.
 
-use crate::records::{Directive, EpisodeResult, LAYOUT, Metric, Reader, Status, Transition};
+use simulator::{RowLayout, Spaces};
+
+use crate::directive::Directive;
+use crate::reader::Reader;
+use crate::records::{LAYOUT, PARTS};
+use crate::status::{EpisodeResult, Metric, Status};
+
+/// One of an algorithm's networks, as its weights travel.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part {
+    /// Its name: lower-case letters, digits and hyphens.
+    pub name: String,
+    /// Number of its weights.
+    pub values: usize,
+    /// Whether there may be fewer, as over the nodes of a graph that grows.
+    pub grows: bool,
+}
+
+impl Part {
+    pub(crate) fn service(&self) -> String {
+        format!("weights-{}", self.name)
+    }
+
+    fn to_text(&self) -> String {
+        let size = if self.grows { "most" } else { "exactly" };
+        format!("{}:{}:{size}", self.name, self.values)
+    }
+
+    fn from_text(text: &str) -> Option<Self> {
+        let mut parts = text.split(':');
+        let name = parts.next()?;
+        let sound = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+        let part = Self {
+            name: name.to_owned(),
+            values: parts.next()?.parse().ok()?,
+            grows: match parts.next()? {
+                "most" => true,
+                "exactly" => false,
+                _ => return None,
+            },
+        };
+        let named = (1..=32).contains(&name.len()) && name.chars().all(sound);
+        (named && parts.next().is_none()).then_some(part)
+    }
+}
 
 /// Sizes that a run's services are made with.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Limits {
     /// Actors at a time, attached ones included.
     pub max_actors: usize,
     /// Trajectories that an actor may have unacknowledged.
     pub window: usize,
-    /// Transitions of a trajectory, its final row included.
-    pub trajectory_steps: usize,
-    /// Values of each module's weights, in the order of [`Module::ALL`](crate::Module::ALL); 0 for none.
-    pub weights: [usize; 4],
+    /// Shapes of what is observed and done.
+    pub spaces: Spaces,
+    /// Rows of a trajectory, its final row included.
+    pub trajectory_rows: usize,
+    /// Words of the choices that end in a trajectory.
+    pub choice_words: usize,
+    /// The algorithm's networks, fewer than [`PARTS`].
+    pub parts: Vec<Part>,
     /// Bytes of a graph.
     pub graph_bytes: usize,
     /// Readers that must have every trajectory.
@@ -96,9 +144,9 @@ impl Limits {
         let chunks = |qos: &Qos| qos.publishers as u64 * qos.chunks_of_a_publisher();
         let latest = self.latest_qos();
         let snapshots: u64 = self
-            .weights
+            .parts
             .iter()
-            .map(|values| values * 4)
+            .map(|part| part.values * 4)
             .chain([self.graph_bytes, size_of::<Directive>()])
             .map(|bytes| chunks(&latest) * sized(bytes))
             .sum();
@@ -118,7 +166,7 @@ impl Limits {
     pub(crate) fn largest_segment(&self) -> u64 {
         let of = |qos: &Qos, bytes: usize| qos.chunks_of_a_publisher() * sized(bytes);
         let latest = self.latest_qos();
-        let snapshots = self.weights.iter().map(|values| values * 4);
+        let snapshots = self.parts.iter().map(|part| part.values * 4);
         snapshots
             .chain([self.graph_bytes, size_of::<Directive>()])
             .map(|bytes| of(&latest, bytes))
@@ -140,59 +188,87 @@ impl Limits {
         PROGRAM + self.shared_memory_bytes()
     }
 
+    /// Words of the longest trajectory.
+    pub(crate) fn trajectory_words(&self) -> usize {
+        self.trajectory_rows * RowLayout::new(&self.spaces).stride() + self.choice_words
+    }
+
     fn trajectory_bytes(&self) -> usize {
-        self.trajectory_steps * size_of::<Transition>()
+        self.trajectory_words() * size_of::<u32>()
     }
 
     pub(crate) fn to_text(&self) -> String {
-        let weights = self.weights.map(|values| values.to_string()).join(",");
+        let parts: Vec<String> = self.parts.iter().map(Part::to_text).collect();
         let readers: Vec<&str> = self.readers.iter().map(|reader| reader.name()).collect();
         format!(
-            "layout={LAYOUT}\nmax_actors={}\nwindow={}\ntrajectory_steps={}\nweights={weights}\n\
-             graph_bytes={}\nreaders={}\n",
+            "layout={LAYOUT}\nmax_actors={}\nwindow={}\nspaces={}\ntrajectory_rows={}\n\
+             choice_words={}\nparts={}\ngraph_bytes={}\nreaders={}\n",
             self.max_actors,
             self.window,
-            self.trajectory_steps,
+            self.spaces,
+            self.trajectory_rows,
+            self.choice_words,
+            parts.join(","),
             self.graph_bytes,
             readers.join(","),
         )
     }
 
-    /// Reads [`to_text`](Self::to_text)'s lines: the layout and the limits.
-    pub(crate) fn from_text(text: &str) -> Option<(u32, Self)> {
+    /// Reads [`to_text`](Self::to_text)'s lines: the layout, and the limits where they are of this one.
+    pub(crate) fn from_text(text: &str) -> Option<(u32, Option<Self>)> {
         let value = |key: &str| {
             text.lines()
                 .find_map(|line| line.strip_prefix(key)?.strip_prefix('='))
         };
-        let number = |key: &str| value(key)?.parse().ok();
         let layout = value("layout")?.parse().ok()?;
-        let mut weights = [0; 4];
-        for (slot, text) in weights.iter_mut().zip(value("weights")?.split(',')) {
-            *slot = text.parse().ok()?;
-        }
+        let list = |key| value(key).map(|list| list.split(',').filter(|item| !item.is_empty()));
+        let number = |key| value(key)?.parse().ok();
         let named = |name: &str| Reader::ALL.into_iter().find(|reader| reader.name() == name);
-        let limits = Self {
-            max_actors: number("max_actors")?,
-            window: number("window")?,
-            trajectory_steps: number("trajectory_steps")?,
-            weights,
-            graph_bytes: number("graph_bytes")?,
-            readers: value("readers")?.split(',').filter_map(named).collect(),
+        let read = || {
+            let parts: Vec<Part> = list("parts")?.map(Part::from_text).collect::<Option<_>>()?;
+            let limits = Self {
+                max_actors: number("max_actors")?,
+                window: number("window")?,
+                spaces: Spaces::parse(value("spaces")?).ok()?,
+                trajectory_rows: number("trajectory_rows")?,
+                choice_words: number("choice_words")?,
+                parts,
+                graph_bytes: number("graph_bytes")?,
+                readers: list("readers")?.filter_map(named).collect(),
+            };
+            (limits.parts.len() < PARTS).then_some(limits)
         };
-        Some((layout, limits))
+        Some((layout, read()))
     }
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use simulator::Space;
+
     use super::*;
+
+    fn part(name: &str, values: usize, grows: bool) -> Part {
+        Part {
+            name: name.to_owned(),
+            values,
+            grows,
+        }
+    }
 
     pub(crate) fn limits() -> Limits {
         Limits {
             max_actors: 4,
             window: 4,
-            trajectory_steps: 65,
-            weights: [100, 0, 0, 50],
+            spaces: Spaces {
+                observation: Space::vector(4),
+                action: Space::vector(2),
+                goal: 2,
+                control_seconds: 0.1,
+            },
+            trajectory_rows: 65,
+            choice_words: 8,
+            parts: vec![part("encoder", 100, false), part("high", 50, true)],
             graph_bytes: 1000,
             readers: vec![Reader::Learner],
         }
@@ -202,7 +278,23 @@ pub(crate) mod tests {
     fn limits_travel_as_text() {
         let mut limits = limits();
         limits.readers = Reader::ALL.to_vec();
-        assert_eq!(Limits::from_text(&limits.to_text()), Some((LAYOUT, limits)));
-        assert_eq!(Limits::from_text("layout=1\nwindow=x"), None);
+        let text = limits.to_text();
+        assert_eq!(
+            Limits::from_text(&text),
+            Some((LAYOUT, Some(limits.clone())))
+        );
+        for (from, to) in [
+            ("encoder", "En coder"),
+            (":exactly", ":about"),
+            ("f32:4", "f32:0"),
+            ("window=4", "window=-1"),
+        ] {
+            let text = text.replace(from, to);
+            assert_eq!(Limits::from_text(&text), Some((LAYOUT, None)), "{to}");
+        }
+        assert_eq!(Limits::from_text("layout=1\nwindow=x"), Some((1, None)));
+        limits.parts.clear();
+        let text = limits.to_text();
+        assert_eq!(Limits::from_text(&text), Some((LAYOUT, Some(limits))));
     }
 }

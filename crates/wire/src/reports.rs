@@ -6,7 +6,8 @@ use iceoryx2::port::subscriber::Subscriber;
 
 use crate::WireError;
 use crate::bus::{Bus, Ipc};
-use crate::records::{EpisodeResult, Metric, SnapshotHeader, Status};
+use crate::records::SnapshotHeader;
+use crate::status::{EpisodeResult, Metric, Status};
 
 /// A role's end.
 pub struct Reporter {

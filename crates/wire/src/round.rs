@@ -3,42 +3,61 @@
 
 use std::collections::BTreeMap;
 
-use crate::records::{TrajectoryHeader, Transition, flags};
+use simulator::{RowLayout, Rows, flags};
+
+use crate::receiver::Trajectory;
+use crate::records::TrajectoryHeader;
 
 /// A trajectory, copied out of its channel.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Trajectory {
-    /// What stood before it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OwnedTrajectory {
+    /// Its header.
     pub header: TrajectoryHeader,
-    /// Its steps, the final row among them.
-    pub steps: Vec<Transition>,
+    layout: RowLayout,
+    rows: Vec<u32>,
+    choices: Vec<u32>,
+}
+
+impl OwnedTrajectory {
+    /// Its steps and choices.
+    #[must_use]
+    pub fn view(&self) -> Trajectory<'_> {
+        Trajectory {
+            rows: self.layout.rows(&self.rows),
+            choices: &self.choices,
+        }
+    }
 }
 
 /// Gathers round after round.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Rounds {
+    layout: RowLayout,
     taken: u32,
     /// By episode and first step: an episode that was played again, since its actor died, is
     /// there once.
-    pieces: BTreeMap<(u64, u32), Trajectory>,
+    pieces: BTreeMap<(u64, u32), OwnedTrajectory>,
 }
 
 impl Rounds {
-    /// Goes on after so many rounds.
+    /// Goes on after so many rounds, of rows in this layout.
     #[must_use]
-    pub fn after(rounds: u32) -> Self {
+    pub fn after(rounds: u32, layout: RowLayout) -> Self {
         Self {
+            layout,
             taken: rounds,
-            ..Self::default()
+            pieces: BTreeMap::new(),
         }
     }
 
     /// Takes in a trajectory; those of other rounds than the next are left out.
-    pub fn add(&mut self, header: &TrajectoryHeader, steps: &[Transition]) {
+    pub fn add(&mut self, header: &TrajectoryHeader, trajectory: Trajectory<'_>) {
         if header.round == self.taken + 1 {
-            let trajectory = Trajectory {
+            let trajectory = OwnedTrajectory {
                 header: *header,
-                steps: steps.to_vec(),
+                layout: self.layout,
+                rows: trajectory.rows.words().to_vec(),
+                choices: trajectory.choices.to_vec(),
             };
             self.pieces
                 .insert((header.episode, header.first_step), trajectory);
@@ -47,10 +66,11 @@ impl Rounds {
 
     /// The next round's trajectories by episode and step, once all of so many episodes have come
     /// to their ends.
-    pub fn take(&mut self, episodes: u32) -> Option<Vec<Trajectory>> {
-        let ended = |trajectory: &&Trajectory| {
+    pub fn take(&mut self, episodes: u32) -> Option<Vec<OwnedTrajectory>> {
+        let ended = |trajectory: &&OwnedTrajectory| {
             let ends = flags::TERMINAL | flags::TRUNCATED;
-            trajectory.steps.iter().any(|step| step.has(ends))
+            let rows: Rows<'_> = trajectory.view().rows;
+            rows.iter().any(|row| row.has(ends))
         };
         if self.pieces.values().filter(ended).count() < episodes as usize {
             return None;
@@ -69,32 +89,26 @@ impl Rounds {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn piece(
-        round: u32,
-        episode: u64,
-        first_step: u32,
-        end: bool,
-    ) -> (TrajectoryHeader, Transition) {
-        let header = TrajectoryHeader {
-            round,
-            episode,
-            first_step,
-            ..TrajectoryHeader::default()
-        };
-        let step = Transition {
-            flags: if end { flags::TRUNCATED } else { 0 },
-            ..Transition::default()
-        };
-        (header, step)
-    }
+    use crate::limits::tests::limits;
 
     #[test]
     fn a_round_is_whole_once_and_in_order() {
-        let mut rounds = Rounds::default();
+        let layout = RowLayout::new(&limits().spaces);
+        let mut rounds = Rounds::after(0, layout);
         let mut add = |round, episode, first_step, end| {
-            let (header, step) = piece(round, episode, first_step, end);
-            rounds.add(&header, &[step]);
+            let header = TrajectoryHeader {
+                round,
+                episode,
+                first_step,
+                ..TrajectoryHeader::default()
+            };
+            let mut words = vec![0; layout.stride()];
+            words[0] = if end { flags::TRUNCATED } else { 0 };
+            let trajectory = Trajectory {
+                rows: layout.rows(&words),
+                choices: &[],
+            };
+            rounds.add(&header, trajectory);
             rounds.take(2)
         };
         assert_eq!(add(1, 1, 0, true), None);
