@@ -7,7 +7,7 @@ use toml::de::{DeTable, DeValue};
 
 use crate::Paths;
 use crate::fault::{Fault, escaped, shown, unknown};
-use crate::resume;
+use crate::resume::{Key, OnResume, tables_with};
 use crate::syntax;
 use crate::value::{Value, Whole};
 use crate::{names, paths};
@@ -54,7 +54,7 @@ impl Given {
 }
 
 /// A parsed run file with `--set` values laid over it.
-pub(crate) struct Document<'t> {
+pub struct Document<'t> {
     text: &'t str,
     root: DeTable<'t>,
     sets: Vec<Set<'t>>,
@@ -68,11 +68,20 @@ pub(crate) struct Document<'t> {
     /// The same with the names of files in the place of their paths.
     pub(crate) portable: String,
     tables: BTreeSet<&'static str>,
+    /// Keys as they are read.
+    pub(crate) keys: Vec<Key>,
+    /// Keys of every algorithm, for hints.
+    all: &'t [Key],
 }
 
 impl<'t> Document<'t> {
     /// `sets` are pairs of `table.key` and value; `lines` are the same values as `value = ...`.
-    pub(crate) fn new(text: &'t str, sets: &'t [(String, String)], lines: &'t [String]) -> Self {
+    pub(crate) fn new(
+        text: &'t str,
+        sets: &'t [(String, String)],
+        lines: &'t [String],
+        all: &'t [Key],
+    ) -> Self {
         let (root, errors) = DeTable::parse_recoverable(text);
         let root = root.into_inner();
         let mut document = Self {
@@ -85,12 +94,14 @@ impl<'t> Document<'t> {
             resolved: String::new(),
             portable: String::new(),
             tables: BTreeSet::new(),
+            keys: vec![],
+            all,
         };
         for ((path, raw), line) in sets.iter().zip(lines) {
             match path.split_once('.') {
                 Some((table, key)) => document.sets.push(Set::of(table, key, line, raw)),
                 None => {
-                    let tables = resume::tables_with(path);
+                    let tables = tables_with(all, path);
                     let hint = match tables.as_slice() {
                         [] => String::new(),
                         tables => {
@@ -130,12 +141,13 @@ impl<'t> Document<'t> {
     }
 
     /// Whether the file or `--set` has a table.
-    pub(crate) fn has(&self, table: &str) -> bool {
+    #[must_use]
+    pub fn has(&self, table: &str) -> bool {
         self.root.get(table).is_some() || self.sets.iter().any(|set| set.table == table)
     }
 
     /// Reads a table: `read` asks for its keys; the keys it does not ask for are faults.
-    pub(crate) fn table<T>(
+    pub fn table<T>(
         &mut self,
         name: &'static str,
         read: impl FnOnce(&mut Table<'_, 't>) -> T,
@@ -148,6 +160,7 @@ impl<'t> Document<'t> {
             document: self,
             name,
             known: vec![],
+            on_resume: OnResume::Fixed,
         };
         let result = read(&mut table);
         let known = table.known;
@@ -182,7 +195,7 @@ impl<'t> Document<'t> {
             }
         }
         for (line, key) in strangers {
-            let message = match resume::tables_with(&key).as_slice() {
+            let message = match tables_with(self.all, &key).as_slice() {
                 [] => unknown("key", &key, &known),
                 tables => format!("unknown key; it belongs to [{}]", tables.join("] or [")),
             };
@@ -191,10 +204,12 @@ impl<'t> Document<'t> {
         result
     }
 
-    /// Tables that nobody asked for are faults. `ignored` ones are known, but not of this kind of
-    /// run.
-    pub(crate) fn finish(&mut self, ignored: &[&'static str]) {
-        let known: Vec<&str> = self.tables.iter().chain(ignored).copied().collect();
+    /// Tables that nobody asked for are faults; those of other algorithms are passed over.
+    pub(crate) fn finish(&mut self) {
+        let others = self.all.iter().map(|key| key.table);
+        let mut known: Vec<&str> = self.tables.iter().copied().chain(others).collect();
+        known.sort_unstable();
+        known.dedup();
         let mut strangers = vec![];
         for (key, value) in &self.root {
             let name = key.get_ref().as_ref();
@@ -209,7 +224,7 @@ impl<'t> Document<'t> {
             }
         }
         for (line, key, is_table) in strangers {
-            let message = match resume::tables_with(&key).as_slice() {
+            let message = match tables_with(self.all, &key).as_slice() {
                 tables @ [_, ..] if !is_table => format!(
                     "this key stands above all tables; write it below [{}]",
                     tables.join("] or [")
@@ -262,17 +277,38 @@ impl<'t> Document<'t> {
 }
 
 /// One table being read.
-pub(crate) struct Table<'d, 't> {
+pub struct Table<'d, 't> {
     document: &'d mut Document<'t>,
     name: &'static str,
     known: Vec<&'static str>,
+    /// What a change of the next key means for a run that is resumed.
+    on_resume: OnResume,
 }
 
 impl Table<'_, '_> {
-    /// Notes a fault at a key.
-    pub(crate) fn fault(&mut self, key: &str, message: impl Into<String>) {
+    /// Says what a change of the next key means for a run that is resumed; for others it is
+    /// [`OnResume::Fixed`].
+    pub fn on_resume(&mut self, on_resume: OnResume) -> &mut Self {
+        self.on_resume = on_resume;
+        self
+    }
+
+    /// Adds a fault at a key.
+    pub fn fault(&mut self, key: &str, message: impl Into<String>) {
         self.document
             .fault_at(&format!("{}.{key}", self.name), message);
+    }
+
+    /// A key of an earlier version: a fault that says what to write instead.
+    pub(crate) fn replaced(&mut self, key: &'static str, message: &str) {
+        self.known.push(key);
+        let set = |set: &Set<'_>| set.table == self.name && set.key == key;
+        let table = self.document.root.get(self.name);
+        let table = table.and_then(|table| table.get_ref().as_table());
+        let found = table.is_some_and(|table| table.get(key).is_some());
+        if found || self.document.sets.iter().any(set) {
+            self.fault(key, message);
+        }
     }
 
     /// Notes that a key has to be there; not where a fault may be the reason that it is not.
@@ -301,6 +337,11 @@ impl Table<'_, '_> {
     /// The value of a key where there is one; what is wrong with its type.
     fn look_up<T: Value>(&mut self, key: &'static str) -> Option<Result<T, String>> {
         self.known.push(key);
+        self.document.keys.push(Key {
+            table: self.name,
+            key,
+            on_resume: std::mem::replace(&mut self.on_resume, OnResume::Fixed),
+        });
         let document = &*self.document;
         let mut sets = document.sets.iter().rev();
         if let Some(set) = sets.find(|set| set.table == self.name && set.key == key) {
@@ -392,8 +433,36 @@ impl Table<'_, '_> {
         }
     }
 
+    /// A file that must be there, where the key is; its absolute path.
+    pub fn file(&mut self, key: &'static str) -> Option<String> {
+        let given = self.on_resume(OnResume::Input).path(key)?;
+        if !Path::new(&given.path).is_file() {
+            self.missing(key, format!("no file '{}'", given.shown()));
+        }
+        Some(given.path)
+    }
+
+    /// A file that can be written when `what` is there; empty where there is no such key.
+    pub fn output(&mut self, key: &'static str, what: &str) -> String {
+        let Some(given) = self.on_resume(OnResume::Free).path(key) else {
+            return String::new();
+        };
+        let path = Path::new(&given.path);
+        let folder = path.parent().unwrap_or(path);
+        if path.is_dir() {
+            self.fault(key, format!("'{}' is a folder; name a file", given.shown()));
+        } else if !folder.is_dir() {
+            let folder = folder.display();
+            self.missing(
+                key,
+                format!("no folder '{folder}' to write {what} in; make it first"),
+            );
+        }
+        given.path
+    }
+
     /// A whole number within a range.
-    pub(crate) fn count(&mut self, key: &'static str, default: usize, range: [usize; 2]) -> usize {
+    pub fn count(&mut self, key: &'static str, default: usize, range: [usize; 2]) -> usize {
         let whole = self.value(key, Whole(default as i128), |value| {
             within(value.0, range.map(|end| end as i128))
         });
@@ -401,7 +470,7 @@ impl Table<'_, '_> {
     }
 
     /// A number within a range.
-    pub(crate) fn number(&mut self, key: &'static str, default: f64, range: [f64; 2]) -> f64 {
+    pub fn number(&mut self, key: &'static str, default: f64, range: [f64; 2]) -> f64 {
         self.value(key, default, |value| {
             if *value >= range[0] && *value <= range[1] {
                 return Ok(());
@@ -414,12 +483,12 @@ impl Table<'_, '_> {
     }
 
     /// `true` or `false`.
-    pub(crate) fn flag(&mut self, key: &'static str, default: bool) -> bool {
+    pub fn flag(&mut self, key: &'static str, default: bool) -> bool {
         self.value(key, default, |_| Ok(()))
     }
 
-    /// One of some words.
-    pub(crate) fn word(&mut self, key: &'static str, default: &str, words: &[&str]) -> String {
+    /// One of some words, the default where it is none of them.
+    pub fn word(&mut self, key: &'static str, default: &str, words: &[&str]) -> String {
         self.value(key, default.to_owned(), |value| {
             if words.contains(&value.as_str()) {
                 return Ok(());
@@ -429,7 +498,7 @@ impl Table<'_, '_> {
     }
 
     /// Widths of hidden layers.
-    pub(crate) fn layers(&mut self, key: &'static str, default: &[usize]) -> Vec<usize> {
+    pub fn layers(&mut self, key: &'static str, default: &[usize]) -> Vec<usize> {
         let default: Vec<Whole> = default.iter().map(|width| Whole(*width as i128)).collect();
         let layers = self.value(key, default, |layers| {
             if layers.is_empty() || layers.len() > 8 {

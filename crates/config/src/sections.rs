@@ -1,13 +1,7 @@
-//! Every table and key, and what it means; defaults and ranges stand in `read`.
+//! The tables that every run has, and what their keys mean; defaults and ranges stand in `read`.
 
-/// What a run is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// LG-H-PPO from offline data, evaluated in the physics.
-    Offline,
-    /// PPO of a walker, which makes offline data.
-    Walker,
-}
+use crate::registry::Settings;
+use crate::resume::Key;
 
 /// `[run]`
 #[derive(Debug, Clone, PartialEq)]
@@ -16,8 +10,10 @@ pub struct Run {
     pub name: String,
     /// Seed of every random generator.
     pub seed: u64,
-    /// `offline` or `walker`.
-    pub kind: Kind,
+    /// What is trained: the name of an algorithm.
+    pub algorithm: String,
+    /// What is trained on: the name of a simulator.
+    pub simulator: String,
     /// Whether the same config gives the same result: rollouts in rounds instead of all the time.
     pub deterministic: bool,
     /// Time between two states that a killed process or a resumed run goes on from (s).
@@ -125,182 +121,6 @@ impl Dataset {
     }
 }
 
-/// What a state's latent is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Latent {
-    /// A code of the VAE.
-    Vae,
-    /// The place itself: the oracle of stage 1.
-    Place,
-}
-
-/// `[encoder]`
-#[derive(Debug, Clone, PartialEq)]
-pub struct Encoder {
-    /// `vae`, or `place`: then a latent has two values and there are no hidden layers.
-    pub kind: Latent,
-    /// Width of a latent.
-    pub latent: usize,
-    /// Control steps between the two places of a pair.
-    pub lag: usize,
-    /// Weight of the KL term.
-    pub beta: f64,
-    /// Share of the KL gradient that trains the prior.
-    pub prior_balance: f64,
-    /// Probability that the condition is replaced by the null token.
-    pub null_condition: f64,
-    /// Hidden layers.
-    pub hidden: Vec<usize>,
-    /// Step size.
-    pub learning_rate: f64,
-    /// Pairs of a gradient step.
-    pub batch: usize,
-    /// Gradient steps.
-    pub updates: usize,
-    /// Weights of another run's checkpoint, instead of training.
-    pub from: Option<String>,
-}
-
-/// How k-means begins.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Seeding {
-    /// Far from the centroids found so far.
-    PlusPlus,
-    /// Anywhere: the paper's ablation.
-    Random,
-}
-
-/// What of the edges' times and reachability is used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Knowledge {
-    /// Nothing: every edge is like every other one.
-    Nothing,
-    /// What the data tell.
-    Data,
-    /// And what rollouts tell.
-    Rollouts,
-}
-
-/// `[graph]`
-#[derive(Debug, Clone, PartialEq)]
-pub struct Graph {
-    /// Number of nodes (K).
-    pub nodes: usize,
-    /// Control steps of a segment that makes an edge.
-    pub lag: usize,
-    /// Segments that an edge needs.
-    pub min_count: usize,
-    /// Trajectories that an edge needs.
-    pub min_trajectories: usize,
-    /// States of a 0.5 m cell that are clustered, at most.
-    pub states_per_place: usize,
-    /// Seconds between versions of the graph while rollouts come in.
-    pub refresh_seconds: f64,
-    /// `k-means++` or `random`.
-    pub seeding: Seeding,
-    /// Wrong edges added, as a share of the right ones: the paper's ablation.
-    pub wrong_edges: f64,
-    /// `none`, `data` or `rollouts`.
-    pub knowledge: Knowledge,
-    /// Whether rollouts add nodes and edges and drop edges that lead nowhere.
-    pub online: bool,
-    /// Nodes that an online graph may grow to.
-    pub max_nodes: usize,
-    /// A state this many times farther from every node than the data's states are is at a new
-    /// place.
-    pub growth_radius: f64,
-    /// States at a new place that make a node.
-    pub growth_states: usize,
-    /// An online graph drops edges that rollouts reach the end of less often than this.
-    pub least_success: f64,
-}
-
-/// What walks to a subgoal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Controller {
-    /// The learned low level.
-    Learned,
-    /// The walker that made the data: the oracle of stage 3a.
-    Walker,
-}
-
-/// `[low]`
-#[derive(Debug, Clone, PartialEq)]
-pub struct Low {
-    /// Hidden layers.
-    pub hidden: Vec<usize>,
-    /// Step size, falling to a tenth over the updates.
-    pub learning_rate: f64,
-    /// Transitions of a gradient step.
-    pub batch: usize,
-    /// Gradient steps.
-    pub updates: usize,
-    /// Expectile of the value.
-    pub expectile: f64,
-    /// Discount a step.
-    pub discount: f64,
-    /// 1 / temperature of the advantage weights.
-    pub inverse_temperature: f64,
-    /// Largest advantage weight.
-    pub weight_clip: f64,
-    /// Rate of the slow targets.
-    pub target_rate: f64,
-    /// Share of subgoals that are snapped to their node's centroid.
-    pub snap: f64,
-    /// Subgoals lie up to the graph's lag plus this many steps ahead.
-    pub slack: usize,
-    /// `learned` or `walker`.
-    pub controller: Controller,
-    /// Weights of another run's checkpoint, instead of training.
-    pub from: Option<String>,
-}
-
-/// What finds the way over the graph.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Planner {
-    /// The learned high level.
-    Learned,
-    /// Dijkstra's search: the paper's ablation, and the oracle of stage 3b.
-    Search,
-}
-
-/// `[high]`
-#[derive(Debug, Clone, PartialEq)]
-pub struct High {
-    /// Hidden layers.
-    pub hidden: Vec<usize>,
-    /// Step size, falling to a tenth over the steps.
-    pub learning_rate: f64,
-    /// Walks on the graph side by side.
-    pub environments: usize,
-    /// Edges that each takes between updates.
-    pub horizon: usize,
-    /// Passes over a batch.
-    pub epochs: usize,
-    /// Choices of a gradient step.
-    pub minibatch: usize,
-    /// PPO's clip.
-    pub clip: f64,
-    /// Weight of the entropy bonus, falling to nothing over the steps.
-    pub entropy: f64,
-    /// Discount an edge of mean length.
-    pub discount: f64,
-    /// Lambda of the advantage estimate.
-    pub gae_lambda: f64,
-    /// Reward on arrival.
-    pub arrival_reward: f64,
-    /// Cost of an edge of mean length.
-    pub edge_cost: f64,
-    /// Edges after which a walk is cut off.
-    pub max_edges: usize,
-    /// Choices on the graph in all.
-    pub steps: usize,
-    /// Largest share of a batch that comes from rollouts in the physics.
-    pub physics_share: f64,
-    /// `learned` or `search`.
-    pub planner: Planner,
-}
-
 /// `[rollouts]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rollouts {
@@ -313,21 +133,6 @@ pub struct Rollouts {
     pub rounds: usize,
     /// Episodes of a round.
     pub episodes: usize,
-}
-
-/// `[execution]`
-#[derive(Debug, Clone, PartialEq)]
-pub struct Execution {
-    /// A node is reached within this distance of its place (m).
-    pub reached_radius: f64,
-    /// Within this distance the goal itself is the subgoal (m).
-    pub goal_radius: f64,
-    /// Nodes that the subgoal lies ahead of the current one, at most.
-    pub look_ahead: usize,
-    /// An edge is given up after this many times its mean steps.
-    pub timeout_factor: f64,
-    /// And after this many steps at most.
-    pub max_edge_steps: usize,
 }
 
 /// `[evaluation]`
@@ -351,53 +156,6 @@ pub struct Traces {
     pub training_every: usize,
 }
 
-/// `[walker]`
-#[derive(Debug, Clone, PartialEq)]
-pub struct WalkerTraining {
-    /// Ants of each actor.
-    pub environments: usize,
-    /// Steps of a trajectory.
-    pub segment: usize,
-    /// Transitions of an update.
-    pub batch: usize,
-    /// Passes over a batch.
-    pub epochs: usize,
-    /// Transitions of a gradient step.
-    pub minibatch: usize,
-    /// Step size, falling to a tenth over the steps.
-    pub learning_rate: f64,
-    /// PPO's clip.
-    pub clip: f64,
-    /// Weight of the entropy bonus.
-    pub entropy: f64,
-    /// Discount a step.
-    pub discount: f64,
-    /// Lambda of the advantage estimate.
-    pub gae_lambda: f64,
-    /// Hidden layers.
-    pub hidden: Vec<usize>,
-    /// Log standard deviation of actions at the start.
-    pub initial_log_std: f64,
-    /// Epochs end early beyond this divergence.
-    pub target_kl: f64,
-    /// Control steps in all.
-    pub steps: usize,
-    /// Mean control steps between changes of direction.
-    pub turn_every: f64,
-    /// Share of ants that walk shortest paths in the maze instead of the open floor.
-    pub maze_share: f64,
-    /// Walking faster than this earns no more (m/s).
-    pub top_speed: f64,
-    /// What a fall costs.
-    pub fall_cost: f64,
-    /// What a step costs on the side (a tilt of 90 degrees); upright it is free.
-    pub tilt_cost: f64,
-    /// Weights to start from; fresh ones when empty.
-    pub start: String,
-    /// File that the trained walker is written to; empty for the run's folder alone.
-    pub output: String,
-}
-
 /// A whole run file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Config {
@@ -417,24 +175,15 @@ pub struct Config {
     pub dataset: Dataset,
     /// `[collect]`: makes the data set when its file is not there.
     pub collect: Option<Collect>,
-    /// `[encoder]`
-    pub encoder: Encoder,
-    /// `[graph]`
-    pub graph: Graph,
-    /// `[low]`
-    pub low: Low,
-    /// `[high]`
-    pub high: High,
     /// `[rollouts]`
     pub rollouts: Rollouts,
-    /// `[execution]`
-    pub execution: Execution,
     /// `[evaluation]`
     pub evaluation: Evaluation,
     /// `[traces]`
     pub traces: Traces,
-    /// `[walker]`
-    pub walker: WalkerTraining,
+    /// The algorithm's own tables.
+    pub settings: Settings,
     pub(crate) resolved: String,
     pub(crate) portable: String,
+    pub(crate) keys: Vec<Key>,
 }

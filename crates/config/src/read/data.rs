@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use crate::reader::{Document, Table};
+use crate::reader::Document;
+use crate::resume::OnResume;
 use crate::sections::{Collect, Dataset, Misfit, OnFault};
 use crate::value::Whole;
 
 pub(super) fn dataset(d: &mut Document<'_>, has_collect: bool) -> Dataset {
     d.table("dataset", |t| {
-        let path = t.path("path");
+        let path = t.on_resume(OnResume::Input).path("path");
         match &path {
             None => t.absent(
                 "path",
@@ -69,23 +70,14 @@ pub(super) fn collect(d: &mut Document<'_>, layout: &str) -> Collect {
                 format!("fewer than the {episode_steps} of one episode"),
             );
         }
-        let walker = file(t, "walker");
+        let walker = t.file("walker");
         Collect {
             style,
             transitions,
             episode_steps,
             noise: t.number("noise", 0.2, [0.0, 2.0]),
             walker,
-            threads: t.count("threads", 2, [1, 256]),
+            threads: t.on_resume(OnResume::Free).count("threads", 2, [1, 256]),
         }
     })
-}
-
-/// A file that must be there, where the key is.
-pub(super) fn file(t: &mut Table<'_, '_>, key: &'static str) -> Option<String> {
-    let given = t.path(key)?;
-    if !Path::new(&given.path).is_file() {
-        t.missing(key, format!("no file '{}'", given.shown()));
-    }
-    Some(given.path)
 }
