@@ -12,12 +12,14 @@ mod knowledge;
 mod paths;
 mod pool;
 mod states;
+mod timeout;
 
 pub use bytes::{GraphError, max_bytes};
 pub use judge::Unusable;
 pub use knowledge::Knowledge;
 pub use pool::{EdgeRule, Growth, Pool, Segments};
 pub use states::{StateRule, select};
+pub use timeout::EdgeTimeout;
 
 /// Out-edges of a node are at most this many; the rarest go first.
 pub const MAX_OUT_DEGREE: usize = 48;

@@ -6,22 +6,34 @@
 //! A = V(s', c) - V(s, c). Half of the subgoals are snapped to their node's centroid, since at
 //! run time the policy sees centroids alone.
 
-use maze::{ACTION, EGOCENTRIC, Egocentric};
+use config::Table;
 use nets::{Activation, Adam, Mlp, Workspace, polyak};
 use rand::Rng;
 use serde::{Deserialize, Serialize};
+use simulator::{Body, Frame};
 
 use crate::same_shape;
 
-/// Settings of the low level.
+/// What walks to a subgoal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Controller {
+    /// The learned low level.
+    Learned,
+    /// The walker that made the data: the oracle of stage 3a.
+    Walker,
+}
+
+/// `[low]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     /// Hidden layers of policy and values.
     pub hidden: Vec<usize>,
-    /// Step size of Adam.
+    /// Step size of Adam, falling to a tenth over the updates.
     pub learning_rate: f32,
     /// Transitions of a gradient step.
     pub batch: usize,
+    /// Gradient steps.
+    pub updates: usize,
     /// Expectile of the value regression (tau).
     pub expectile: f32,
     /// Discount a step.
@@ -32,6 +44,38 @@ pub struct Settings {
     pub weight_clip: f32,
     /// Rate of the slow targets.
     pub target_rate: f32,
+    /// Share of subgoals that are snapped to their node's centroid.
+    pub snap: f64,
+    /// Subgoals lie up to the graph's lag plus this many steps ahead.
+    pub slack: usize,
+    /// `learned` or `walker`.
+    pub controller: Controller,
+    /// Weights of another run's checkpoint, instead of training.
+    pub from: Option<String>,
+}
+
+impl Settings {
+    /// Reads the table.
+    pub fn read(t: &mut Table<'_, '_>) -> Self {
+        Self {
+            hidden: t.layers("hidden", &[256, 256]),
+            learning_rate: t.number("learning_rate", 1e-3, [0.0, 1.0]) as f32,
+            batch: t.count("batch", 256, [1, 65_536]),
+            updates: t.count("updates", 10_000, [1, 100_000_000]),
+            expectile: t.number("expectile", 0.7, [0.5, 0.999]) as f32,
+            discount: t.number("discount", 0.98, [0.0, 0.9999]) as f32,
+            inverse_temperature: t.number("inverse_temperature", 3.0, [0.0, 100.0]) as f32,
+            weight_clip: t.number("weight_clip", 100.0, [1.0, 1e6]) as f32,
+            target_rate: t.number("target_rate", 0.005, [0.0, 1.0]) as f32,
+            snap: t.number("snap", 0.5, [0.0, 1.0]),
+            slack: t.count("slack", 5, [0, 1000]),
+            controller: match t.word("controller", "learned", &["learned", "walker"]).as_str() {
+                "walker" => Controller::Walker,
+                _ => Controller::Learned,
+            },
+            from: t.file("from"),
+        }
+    }
 }
 
 /// A subgoal: a place and its latent.
@@ -43,28 +87,29 @@ pub struct Subgoal<'a> {
     pub latent: &'a [f32],
 }
 
-/// Within this distance of its goal a hindsight transition counts as arrived (m).
-const ARRIVED: f32 = 0.5;
 /// Distances are seen up to this one (m).
 const FAR: f32 = 5.0;
-/// Features of the values: the policy's view without latents, nearness, absolute places.
-const VALUE_INPUT: usize = EGOCENTRIC + 3 + 4;
+/// Features of the values beyond the body's view: nearness, absolute places.
+const VALUE_EXTRA: usize = 3 + 4;
 
-/// The policy's shape: egocentric features, distance, and the latent step to the subgoal.
-#[derive(Debug, Clone)]
+/// The policy's shape: the body's own view, distance, and the latent step to the subgoal.
+#[derive(Clone)]
 pub struct Policy {
     mlp: Mlp,
     latent: usize,
+    body: &'static dyn Body,
 }
 
 impl Policy {
-    /// A policy for latents of this width.
+    /// A policy of a body for latents of this width.
     #[must_use]
-    pub fn new(latent: usize, hidden: &[usize]) -> Self {
-        let sizes = [&[EGOCENTRIC + 1 + latent], hidden, &[ACTION]].concat();
+    pub fn new(body: &'static dyn Body, latent: usize, hidden: &[usize]) -> Self {
+        let (inputs, actions) = (body.features() + 1 + latent, body.spaces().action.len());
+        let sizes = [&[inputs], hidden, &[actions]].concat();
         Self {
             mlp: Mlp::new(&sizes, Activation::Gelu, false),
             latent,
+            body,
         }
     }
 
@@ -81,13 +126,10 @@ impl Policy {
         latent: &[f32],
         subgoal: Subgoal<'_>,
         input: &mut Vec<f32>,
-    ) -> Egocentric {
-        let (dx, dy) = (
-            subgoal.place[0] - observation[0],
-            subgoal.place[1] - observation[1],
-        );
-        let frame = Egocentric::new(observation, [dx, dy]);
-        input.extend_from_slice(&frame.features);
+    ) -> Frame {
+        let [x, y] = self.body.place(observation);
+        let (dx, dy) = (subgoal.place[0] - x, subgoal.place[1] - y);
+        let frame = self.body.view(observation, [dx, dy], input);
         input.push(dx.hypot(dy).min(FAR) / FAR);
         let step = || {
             subgoal
@@ -116,9 +158,9 @@ impl Policy {
 /// One transition with its two hindsight goals.
 #[derive(Debug, Clone, Copy)]
 pub struct Sample<'a> {
-    /// Observation, 29 values.
+    /// Observation.
     pub observation: &'a [f32],
-    /// Action taken, 8 values, actuator order.
+    /// Action taken, in the simulator's order.
     pub action: &'a [f32],
     /// Observation after it.
     pub next: &'a [f32],
@@ -157,6 +199,7 @@ pub struct State {
 pub struct Low {
     policy: Policy,
     value: Mlp,
+    arrival_radius: f32,
     settings: Settings,
     /// The policy's weights, as actors use them.
     pub weights: Vec<f32>,
@@ -183,32 +226,31 @@ struct Scratch {
     output_gradient: Vec<f32>,
 }
 
-fn value_input(observation: &[f32], goal: [f32; 2], input: &mut Vec<f32>) {
-    let (dx, dy) = (goal[0] - observation[0], goal[1] - observation[1]);
+fn value_input(body: &dyn Body, observation: &[f32], goal: [f32; 2], input: &mut Vec<f32>) {
+    let [x, y] = body.place(observation);
+    let (dx, dy) = (goal[0] - x, goal[1] - y);
     let distance = dx.hypot(dy);
-    input.extend_from_slice(&Egocentric::new(observation, [dx, dy]).features);
+    body.view(observation, [dx, dy], input);
     input.extend([
         distance.min(FAR) / FAR,
         (-distance).exp(),
         0.3 * distance.ln_1p(),
     ]);
-    input.extend([
-        observation[0] / 10.0,
-        observation[1] / 10.0,
-        goal[0] / 10.0,
-        goal[1] / 10.0,
-    ]);
-}
-
-fn near(observation: &[f32], goal: [f32; 2]) -> bool {
-    (goal[0] - observation[0]).hypot(goal[1] - observation[1]) <= ARRIVED
+    input.extend([x / 10.0, y / 10.0, goal[0] / 10.0, goal[1] / 10.0]);
 }
 
 impl Low {
-    /// Fresh networks.
-    pub fn new(latent: usize, settings: Settings, rng: &mut impl Rng) -> Self {
-        let policy = Policy::new(latent, &settings.hidden);
-        let sizes = [&[VALUE_INPUT], settings.hidden.as_slice(), &[1]].concat();
+    /// Fresh networks. A hindsight transition within `arrival_radius` (m) of its goal has arrived.
+    pub fn new(
+        body: &'static dyn Body,
+        latent: usize,
+        arrival_radius: f32,
+        settings: Settings,
+        rng: &mut impl Rng,
+    ) -> Self {
+        let policy = Policy::new(body, latent, &settings.hidden);
+        let inputs = body.features() + VALUE_EXTRA;
+        let sizes = [&[inputs], settings.hidden.as_slice(), &[1]].concat();
         let value = Mlp::new(&sizes, Activation::Gelu, true);
         let weights = policy.mlp.init(rng, 0.01);
         let values = [value.init(rng, 1.0), value.init(rng, 1.0)];
@@ -221,6 +263,7 @@ impl Low {
             scratch: Scratch::default(),
             policy,
             value,
+            arrival_radius,
             settings,
             weights,
             values,
@@ -290,13 +333,17 @@ impl Low {
     fn update_values(&mut self, samples: &[Sample<'_>], losses: &mut Losses) {
         let n = samples.len();
         let s = &mut self.scratch;
+        let body = self.policy.body;
         s.here.clear();
         s.there.clear();
         s.arrived.clear();
         for sample in samples {
-            value_input(sample.observation, sample.value_goal, &mut s.here);
-            value_input(sample.next, sample.value_goal, &mut s.there);
-            s.arrived.push(near(sample.observation, sample.value_goal));
+            let goal = sample.value_goal;
+            value_input(body, sample.observation, goal, &mut s.here);
+            value_input(body, sample.next, goal, &mut s.there);
+            let [x, y] = body.place(sample.observation);
+            let distance = (goal[0] - x).hypot(goal[1] - y);
+            s.arrived.push(distance <= self.arrival_radius);
         }
         s.advantage.clear();
         s.advantage.resize(n, 0.0);
@@ -361,21 +408,24 @@ impl Low {
         let n = samples.len();
         let scale = 1.0 / n as f32;
         let s = &mut self.scratch;
+        let body = self.policy.body;
         s.here.clear();
         s.there.clear();
         s.policy_input.clear();
         s.actions.clear();
         for sample in samples {
             let place = sample.subgoal.place;
-            value_input(sample.observation, place, &mut s.here);
-            value_input(sample.next, place, &mut s.there);
+            value_input(body, sample.observation, place, &mut s.here);
+            value_input(body, sample.next, place, &mut s.there);
             let frame = self.policy.input(
                 sample.observation,
                 sample.latent,
                 sample.subgoal,
                 &mut s.policy_input,
             );
-            s.actions.extend(frame.from_actuators(sample.action));
+            let start = s.actions.len();
+            s.actions.resize(start + sample.action.len(), 0.0);
+            body.from_actuators(frame, sample.action, &mut s.actions[start..]);
         }
         s.advantage.clear();
         s.advantage.resize(n, 0.0);
@@ -395,13 +445,14 @@ impl Low {
             &mut self.policy_workspace,
         );
         s.output_gradient.clear();
+        let width = self.policy.mlp.outputs();
         for row in 0..n {
             let weight = (self.settings.inverse_temperature * s.advantage[row])
                 .min(self.settings.weight_clip.ln())
                 .exp();
             losses.weight += scale * weight;
-            for k in 0..ACTION {
-                let error = means[row * ACTION + k] - s.actions[row * ACTION + k];
+            for k in row * width..(row + 1) * width {
+                let error = means[k] - s.actions[k];
                 losses.policy_loss += 0.5 * scale * weight * error * error;
                 s.output_gradient.push(scale * weight * error);
             }
