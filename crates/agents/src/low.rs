@@ -6,7 +6,7 @@
 //! A = V(s', c) - V(s, c). Half of the subgoals are snapped to their node's centroid, since at
 //! run time the policy sees centroids alone.
 
-use maze::{ACTION, EGOCENTRIC, Egocentric};
+use maze::{ACTION, EGOCENTRIC, Egocentric, SUCCESS_RADIUS};
 use nets::{Activation, Adam, Mlp, Workspace, polyak};
 use rand::Rng;
 use serde::{Deserialize, Serialize};
@@ -43,8 +43,6 @@ pub struct Subgoal<'a> {
     pub latent: &'a [f32],
 }
 
-/// Within this distance of its goal a hindsight transition counts as arrived (m).
-const ARRIVED: f32 = 0.5;
 /// Distances are seen up to this one (m).
 const FAR: f32 = 5.0;
 /// Features of the values: the policy's view without latents, nearness, absolute places.
@@ -201,7 +199,7 @@ fn value_input(observation: &[f32], goal: [f32; 2], input: &mut Vec<f32>) {
 }
 
 fn near(observation: &[f32], goal: [f32; 2]) -> bool {
-    (goal[0] - observation[0]).hypot(goal[1] - observation[1]) <= ARRIVED
+    (goal[0] - observation[0]).hypot(goal[1] - observation[1]) <= SUCCESS_RADIUS
 }
 
 impl Low {

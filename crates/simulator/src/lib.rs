@@ -8,7 +8,7 @@ mod space;
 
 use rand::Rng;
 
-pub use body::{Body, Frame, Shape};
+pub use body::{Body, Frame, Part, Shape};
 pub use space::{Dtype, Space, Spaces, SpacesError, Values};
 
 /// Which tasks an episode is drawn from.
@@ -56,7 +56,8 @@ pub trait Simulator: Send {
     /// Begins an episode, with the benchmark's reset noise.
     fn reset(&mut self, task: &Task, rng: &mut dyn Rng);
 
-    /// Takes a control step. Actions beyond the bounds are clipped.
+    /// Takes a control step. Values beyond the bounds are clipped; those that are not finite or
+    /// missing count as 0.
     fn step(&mut self, action: &[f32]) -> Step;
 
     /// The observation after the last step or reset.
@@ -65,16 +66,17 @@ pub trait Simulator: Send {
     /// The goal that an observation reaches, appended to `goal`.
     fn goal_of(&self, observation: Values<'_>, goal: &mut Vec<f32>);
 
-    /// The state as bytes that [`restore`](Self::restore) goes on from bit by bit. `None` where a
-    /// simulator cannot tell: some can at an episode's start alone.
+    /// The state as bytes, the goal included, from which [`restore`](Self::restore) continues bit by
+    /// bit. `None` if the simulator cannot save its current state; some can only at an episode's start.
     fn state(&self) -> Option<Vec<u8>>;
 
-    /// Goes on from a state.
+    /// Continues from a state.
     ///
     /// # Errors
     /// [`StateError`] for bytes that are no state of it; nothing is changed then.
     fn restore(&mut self, state: &[u8]) -> Result<(), StateError>;
 
-    /// Poses of the body's [`shapes`](Body::shapes), to draw: x, y, z (m), quaternion w, x, y, z.
+    /// Appends the pose of each of the body's [`parts`](Body::parts), to draw: x, y, z (m),
+    /// quaternion w, x, y, z.
     fn poses(&self, poses: &mut Vec<[f32; 7]>);
 }
