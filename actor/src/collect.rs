@@ -11,7 +11,7 @@ use std::sync::mpsc;
 use config::{Collect, Config};
 use dataset::{Made, d4rl};
 use durable::Output;
-use maze::{AntMaze, Layout, OBSERVATION, Physics, Route, Style, random_task};
+use maze::{AntMaze, Layout, OBSERVATION, Physics, Route, SUCCESS_RADIUS, Style, random_task};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
@@ -20,8 +20,6 @@ use crate::walker::Walker;
 
 /// Waypoints lie up to this far off the centre of their cell in each axis (m).
 const OFF_CENTRE: f32 = 1.0;
-/// A goal is reached within this distance (m).
-const ARRIVED: f32 = 0.5;
 
 /// Rows of one episode, flat.
 #[derive(Default)]
@@ -169,7 +167,7 @@ fn walk(
     for _ in 0..=settings.episode_steps {
         let place = [o[0], o[1]];
         let goal = route.goal();
-        if (goal[0] - place[0]).hypot(goal[1] - place[1]) < ARRIVED {
+        if (goal[0] - place[0]).hypot(goal[1] - place[1]) < SUCCESS_RADIUS {
             let task = random_task(layout, style, &mut rng);
             route = Route::new(layout, task.goal, task.goal_cell);
         }
@@ -224,7 +222,7 @@ fn write(
         .goals()
         .first()
         .map_or([0.0; 2], |goal| layout.centre(*goal));
-    let near = |next: &[f32]| (next[0] - target[0]).hypot(next[1] - target[1]) <= ARRIVED;
+    let near = |next: &[f32]| (next[0] - target[0]).hypot(next[1] - target[1]) <= SUCCESS_RADIUS;
     let terminals: Vec<u8> = all
         .next
         .chunks_exact(OBSERVATION)

@@ -103,3 +103,22 @@ pub fn layout(config: &Config) -> anyhow::Result<Layout> {
     let layout = Layout::of(&config.maze.layout, &config.maze.rows);
     layout.context("maze")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `config` depends on no other crate, so its default is a number of its own.
+    #[test]
+    fn the_default_success_radius_is_the_mazes() {
+        let config = Config::parse(
+            "[collect]\ntransitions = 1000\n[dataset]\npath = \"x\"\n",
+            "x.toml",
+            "x",
+            &[],
+        )
+        .unwrap();
+        let radius = config.evaluation.success_radius;
+        assert_eq!(radius as f32, maze::SUCCESS_RADIUS);
+    }
+}

@@ -6,7 +6,7 @@ use agents::walker::{Policy, sample};
 use config::Config;
 use maze::{
     ACTION, AntMaze, EGOCENTRIC, Egocentric, Layout, Observation, Physics, Route, Style,
-    random_task, upright,
+    TIPPED_OVER, random_task, upright,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -17,8 +17,6 @@ use wire::{
 
 use crate::PULSE;
 
-/// Below this an ant has fallen and its episode ends.
-const FALLEN: f32 = 0.2;
 /// Cost of the mean squared action.
 const EFFORT_COST: f32 = 0.02;
 /// Control steps of an episode at most.
@@ -108,7 +106,7 @@ impl Walker {
             .sum::<f32>()
             / 8.0;
         let up = upright(&after);
-        let fell = up < FALLEN;
+        let fell = up < TIPPED_OVER;
         let reward = speed.min(w.top_speed)
             - EFFORT_COST * effort
             - w.tilt_cost * (1.0 - up)

@@ -7,7 +7,9 @@ use std::sync::Arc;
 
 use config::{Config, Document, Settings};
 use dataset::Needs;
-use simulator::Body;
+use maze::Layout;
+use nets::file::Tensor;
+use simulator::{Body, Simulator};
 
 use crate::graph_rule::GraphRule;
 use crate::parts::{Parts, Versions};
@@ -15,10 +17,19 @@ use crate::policy::Policy;
 use crate::stage::{Inputs, Stage, StageError, StageSpec};
 use crate::summary::{Label, Lookup, Summary};
 
+/// Rows of a trajectory: 128 steps and the final row.
+const TRAJECTORY_ROWS: usize = 129;
+
 /// One algorithm: its settings, and the plan that they make.
 pub trait Algorithm: Sync {
     /// Its name, as in `algorithm = "lg-h-ppo"`.
     fn name(&self) -> &'static str;
+
+    /// Whether it learns from a data set and is scored in an evaluation. Others learn from rollouts
+    /// alone.
+    fn is_offline(&self) -> bool {
+        true
+    }
 
     /// Reads its tables of the run file.
     fn settings(&self, document: &mut Document<'_>) -> Settings;
@@ -50,13 +61,34 @@ pub struct Network {
     pub grows: bool,
 }
 
+/// How a network's weights are saved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint<'w> {
+    /// Tensors by name.
+    pub tensors: Vec<Tensor<'w>>,
+    /// What else is to be known.
+    pub metadata: Vec<(String, String)>,
+    /// Where it is written besides the run's folder, at the end of the training.
+    pub copy: Option<String>,
+}
+
+/// What an actor steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Environments {
+    /// Environments of an actor, stepped in turns.
+    pub number: usize,
+    /// Rows of a trajectory, its final row included.
+    pub trajectory_rows: usize,
+    /// Control steps of an episode at most; those of the evaluation without.
+    pub episode_steps: Option<usize>,
+}
+
 /// What a run trains, and how.
 pub trait Plan: Send + Sync {
     /// Its networks, fewer than [`PARTS`](crate::PARTS).
     fn networks(&self) -> Vec<Network>;
 
-    /// What it needs of a data set; `None` where it learns from rollouts alone, without an
-    /// evaluation.
+    /// What it needs of a data set; `None` where it is not [offline](Algorithm::is_offline).
     fn needs(&self) -> Option<Needs>;
 
     /// Its stages, each a thread of the learner.
@@ -90,4 +122,27 @@ pub trait Plan: Send + Sync {
 
     /// Words that the choices of a trajectory take at most, 0 for none.
     fn choice_words(&self) -> usize;
+
+    /// What an actor steps.
+    fn environments(&self) -> Environments {
+        Environments {
+            number: 1,
+            trajectory_rows: TRAJECTORY_ROWS,
+            episode_steps: None,
+        }
+    }
+
+    /// A simulator of its own for an actor's environment, in the place of the run's.
+    fn simulator(&self, _layout: &Layout, _number: usize) -> Option<Box<dyn Simulator>> {
+        None
+    }
+
+    /// How the weights of a network, by number, are saved.
+    fn checkpoint<'w>(&self, _network: usize, weights: &'w [f32]) -> Checkpoint<'w> {
+        Checkpoint {
+            tensors: vec![("weights".to_owned(), vec![weights.len()], weights)],
+            metadata: vec![],
+            copy: None,
+        }
+    }
 }

@@ -74,6 +74,9 @@ pub trait Policy: Send {
     /// Begins an episode.
     fn begin(&mut self, goal: &[f32], mode: Mode);
 
+    /// Takes another goal within an episode, where the task changes it.
+    fn aim(&mut self, _goal: &[f32]) {}
+
     /// Decides on an action. `act` is clear.
     fn act(&mut self, observation: Values<'_>, rng: &mut Pcg64Mcg, act: &mut Act);
 

@@ -45,6 +45,9 @@ pub enum StageError {
         /// What is wrong with it.
         reason: nets::file::FileError,
     },
+    /// Weights of a walker to start from.
+    #[error(transparent)]
+    Walker(#[from] crate::walker::WalkerError),
     /// Weights that do not fit the config's shapes.
     #[error("the weights of the {0} do not fit its shape; do not change its layers on resume")]
     Shape(&'static str),

@@ -16,7 +16,7 @@ use maze::Layout;
 
 use crate::Dataset;
 pub use frame::{Conversion, Frame};
-pub use load::{LoadError, Loaded, load_for};
+pub use load::{LoadError, Loaded, Needs, load_for};
 pub use unfit::{Number, Share, Unfit};
 
 /// What a run wants of its data.

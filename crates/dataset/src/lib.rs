@@ -23,7 +23,7 @@ use std::path::Path;
 pub use config::OnFault;
 pub use error::DatasetError;
 pub use fault::Dropped;
-pub use fit::{LoadError, Loaded, load_for};
+pub use fit::{LoadError, Loaded, Needs, load_for};
 pub use format::{Format, Opened, open, open_with};
 pub use provenance::Made;
 pub use starts::Starts;

@@ -1,6 +1,12 @@
 //! The ant's body, as D4RL's `ant.xml` gives it.
 
+mod body;
+mod simulator;
+
 use std::f32::consts::{FRAC_1_SQRT_2, PI};
+
+pub use body::AntBody;
+pub use simulator::AntSimulator;
 
 /// Torque of a full action (N m).
 pub const MAX_TORQUE: f32 = 30.0;

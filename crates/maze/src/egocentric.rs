@@ -5,7 +5,10 @@
 //! lies within 45 degrees of straight ahead, with legs and actuators renumbered. A policy on
 //! these features is equivariant to the turns and never sees absolute x and y.
 
+use simulator::Frame;
+
 use crate::ant::{ANKLE_SIGN, JOINT_OF_ACTUATOR};
+use crate::turn::{quarter_turns, turned_back};
 use crate::{ACTION, Action};
 
 /// Width of the features: height (1), up vector (3), joint angles (8), linear velocity (3),
@@ -21,18 +24,14 @@ const STANDING_HEIGHT: f32 = 0.55;
 pub struct Egocentric {
     /// The features; see [`EGOCENTRIC`].
     pub features: [f32; EGOCENTRIC],
-    turns: usize,
+    /// Number of quarter turns of the body, anticlockwise.
+    frame: Frame,
 }
 
-/// Rotates the first two components by `turns` quarter turns clockwise.
-fn turn_back(vector: [f32; 3], turns: usize) -> [f32; 3] {
-    let [x, y, z] = vector;
-    match turns {
-        0 => [x, y, z],
-        1 => [y, -x, z],
-        2 => [-x, -y, z],
-        _ => [-y, x, z],
-    }
+/// Turns the first two components by `turns` quarter turns clockwise.
+fn turn_back([x, y, z]: [f32; 3], turns: u8) -> [f32; 3] {
+    let [x, y] = turned_back([x, y], turns);
+    [x, y, z]
 }
 
 /// World vector to body frame, by the conjugate of quaternion w, x, y, z.
@@ -68,13 +67,7 @@ impl Egocentric {
         } else {
             (1.0, 0.0)
         };
-        let turns = if dx.abs() >= dy.abs() {
-            if dx >= 0.0 { 0 } else { 2 }
-        } else if dy >= 0.0 {
-            1
-        } else {
-            3
-        };
+        let turns = quarter_turns([dx, dy]);
 
         let mut features = [0.0; EGOCENTRIC];
         features[0] = observation[2];
@@ -85,7 +78,7 @@ impl Egocentric {
         let spin = [observation[18], observation[19], observation[20]];
         features[15..18].copy_from_slice(&turn_back(spin, turns));
         for slot in 0..4 {
-            let leg = (slot + turns) % 4;
+            let leg = (slot + usize::from(turns)) % 4;
             features[4 + 2 * slot] = observation[7 + 2 * leg];
             features[5 + 2 * slot] = ANKLE_SIGN[leg] * observation[8 + 2 * leg];
             features[18 + 2 * slot] = observation[21 + 2 * leg];
@@ -97,7 +90,16 @@ impl Egocentric {
         }
         let ahead = turn_back([dx, dy, 0.0], turns);
         features[26..28].copy_from_slice(&ahead[..2]);
-        Self { features, turns }
+        Self {
+            features,
+            frame: Frame(turns),
+        }
+    }
+
+    /// The frame of the features.
+    #[must_use]
+    pub fn frame(&self) -> Frame {
+        self.frame
     }
 
     /// The action to simulate, from one in this frame (hip and ankle of legs ahead-left,
@@ -105,10 +107,7 @@ impl Egocentric {
     #[must_use]
     pub fn to_actuators(&self, egocentric: &[f32]) -> Action {
         let mut action = [0.0; ACTION];
-        for (actuator, value) in action.iter_mut().enumerate() {
-            let (slot, sign) = self.slot(actuator);
-            *value = sign * egocentric[slot];
-        }
+        to_actuators(self.frame, egocentric, &mut action);
         action
     }
 
@@ -116,19 +115,33 @@ impl Egocentric {
     #[must_use]
     pub fn from_actuators(&self, action: &[f32]) -> [f32; ACTION] {
         let mut egocentric = [0.0; ACTION];
-        for (actuator, value) in action.iter().enumerate().take(ACTION) {
-            let (slot, sign) = self.slot(actuator);
-            egocentric[slot] = sign * value;
-        }
+        from_actuators(self.frame, action, &mut egocentric);
         egocentric
     }
+}
 
-    fn slot(&self, actuator: usize) -> (usize, f32) {
-        let joint = JOINT_OF_ACTUATOR[actuator];
-        let leg = joint / 2;
-        let slot = 2 * ((leg + 4 - self.turns) % 4) + joint % 2;
-        (slot, if joint % 2 == 1 { ANKLE_SIGN[leg] } else { 1.0 })
+/// As [`Egocentric::to_actuators`], by the frame alone.
+pub(crate) fn to_actuators(frame: Frame, egocentric: &[f32], action: &mut [f32]) {
+    for (actuator, value) in action.iter_mut().enumerate().take(ACTION) {
+        let (slot, sign) = slot(frame, actuator);
+        *value = sign * egocentric[slot];
     }
+}
+
+/// As [`Egocentric::from_actuators`], by the frame alone.
+pub(crate) fn from_actuators(frame: Frame, action: &[f32], egocentric: &mut [f32]) {
+    for (actuator, value) in action.iter().enumerate().take(ACTION) {
+        let (slot, sign) = slot(frame, actuator);
+        egocentric[slot] = sign * value;
+    }
+}
+
+/// Where a frame has the value of an actuator, and its sign there.
+fn slot(frame: Frame, actuator: usize) -> (usize, f32) {
+    let joint = JOINT_OF_ACTUATOR[actuator];
+    let leg = joint / 2;
+    let slot = 2 * ((leg + 4 - usize::from(frame.0 % 4)) % 4) + joint % 2;
+    (slot, if joint % 2 == 1 { ANKLE_SIGN[leg] } else { 1.0 })
 }
 
 #[cfg(test)]

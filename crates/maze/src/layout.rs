@@ -344,6 +344,58 @@ impl Layout {
         self.cell_at(place).is_none_or(|cell| self.is_wall(cell))
     }
 
+    /// The free cell whose centre is nearest to a place (m).
+    #[must_use]
+    pub fn nearest_free(&self, place: [f32; 2]) -> Cell {
+        let gap = |cell: &Cell| {
+            let [x, y] = self.centre(*cell);
+            (x - place[0]).hypot(y - place[1])
+        };
+        let free = self.free_cells().into_iter();
+        free.min_by(|a, b| gap(a).total_cmp(&gap(b)))
+            .unwrap_or(self.start)
+    }
+
+    /// Moves a circle (m) out of the walls, as little as possible. Its radius is less than half a
+    /// cell. A circle with its centre in a wall goes to the nearest free cell's centre.
+    #[must_use]
+    pub fn pushed_out(&self, place: [f32; 2], radius: f32) -> [f32; 2] {
+        let Some(cell) = self.cell_at(place).filter(|cell| !self.is_wall(*cell)) else {
+            return self.centre(self.nearest_free(place));
+        };
+        let centre = self.centre(cell);
+        // In the quarter of the cell that the circle's centre is in, mirrored to be the positive
+        // one, only three other cells are near enough to touch.
+        let signs = [0, 1].map(|axis| {
+            if place[axis] < centre[axis] {
+                -1.0
+            } else {
+                1.0
+            }
+        });
+        let mut offset = [0, 1].map(|axis| signs[axis] * (place[axis] - centre[axis]));
+        let beside = |index: usize, sign: f32| match sign > 0.0 {
+            true => index.wrapping_add(1),
+            false => index.wrapping_sub(1),
+        };
+        let (row, column) = (beside(cell.0, signs[1]), beside(cell.1, signs[0]));
+        let walls = [(cell.0, column), (row, cell.1)].map(|cell| self.is_wall(cell));
+        let half = CELL_SIZE / 2.0;
+        for axis in 0..2 {
+            if walls[axis] {
+                offset[axis] = offset[axis].min(half - radius);
+            }
+        }
+        if walls == [false; 2] && self.is_wall((row, column)) {
+            let [x, y] = offset.map(|offset| half - offset);
+            let distance = x.hypot(y);
+            if distance < radius && distance > 0.0 {
+                offset = [x, y].map(|gap| half - gap * radius / distance);
+            }
+        }
+        [0, 1].map(|axis| centre[axis] + signs[axis] * offset[axis])
+    }
+
     /// Cells to walk from each cell to `goal`, by breadth-first search; none where no path leads.
     /// Indexed row by row.
     #[must_use]

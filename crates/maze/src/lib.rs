@@ -1,32 +1,41 @@
-//! The ant and its maze in rapier.
+//! Bodies in D4RL's and OGBench's mazes: the ant in rapier, and a point mass.
 //!
 //! `maze` is pure: `step(state, action)` and nothing else. It does no I/O, has no clock, no
 //! network, no process and no global state; randomness comes in through a generator.
 //!
 //! The ant follows D4RL's `ant.xml` and the mazes D4RL's `maze_env.py`
-//! (Farama-Foundation/d4rl, `d4rl/locomotion`).
+//! (Farama-Foundation/d4rl, `d4rl/locomotion`), the point OGBench's `point.py`
+//! (seohongpark/ogbench, `ogbench/locomaze`).
 
 mod ant;
+mod arena;
+mod bytes;
 mod egocentric;
 mod layout;
 mod mirror;
+mod point;
 mod route;
 mod task;
+mod teleport;
+mod turn;
 mod world;
 
-pub use ant::{ANKLE_SIGN, JOINT_OF_ACTUATOR, JOINT_RANGES, LEG_DIRECTIONS, MAX_TORQUE};
+pub use ant::{
+    ANKLE_SIGN, AntBody, AntSimulator, JOINT_OF_ACTUATOR, JOINT_RANGES, LEG_DIRECTIONS, MAX_TORQUE,
+};
 pub use egocentric::{EGOCENTRIC, Egocentric};
 pub use layout::{CELL_SIZE, Cell, Layout, LayoutError, WALL_HEIGHT};
 pub use mirror::{mirrored, mirrored_action};
+pub use point::{PointBody, PointSimulator};
 pub use route::Route;
 pub use task::{SUCCESS_RADIUS, Style, Task, evaluation_task, random_task};
 pub use world::{AntMaze, Physics, Start, State};
 
-/// Width of an observation: 15 positions, then 14 velocities, in D4RL's order.
+/// Width of the ant's observation: 15 positions, then 14 velocities, in D4RL's order.
 pub const OBSERVATION: usize = 29;
-/// Number of torque actuators.
+/// Number of the ant's torque actuators.
 pub const ACTION: usize = 8;
-/// Simulated seconds of one control step.
+/// Simulated time of a control step (s).
 pub const CONTROL_SECONDS: f32 = 0.1;
 
 /// x, y, z (m); quaternion w, x, y, z; eight joint angles (rad, hip and ankle of legs 1 to 4);
@@ -44,5 +53,8 @@ pub fn upright(observation: &[f32]) -> f32 {
     1.0 - 2.0 * (x * x + y * y)
 }
 
-/// Below this [`upright`] value an ant counts as fallen.
+/// Below this [`upright`] value an ant lies on its back.
 pub const FALLEN: f32 = 0.0;
+/// Below this [`upright`] value an episode of the walker's training ends early: an ant that has tipped
+/// over so far seldom stands up again.
+pub const TIPPED_OVER: f32 = 0.2;

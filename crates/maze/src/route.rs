@@ -35,15 +35,7 @@ impl Route {
         match cell {
             Some(cell) if cell == self.goal_cell => self.goal,
             Some(cell) => layout.centre(layout.next_cell(&self.distances, cell)),
-            None => {
-                let gap = |cell: &Cell| {
-                    let [x, y] = layout.centre(*cell);
-                    (x - place[0]).hypot(y - place[1])
-                };
-                let free = layout.free_cells();
-                let nearest = free.into_iter().min_by(|a, b| gap(a).total_cmp(&gap(b)));
-                layout.centre(nearest.unwrap_or(self.goal_cell))
-            }
+            None => layout.centre(layout.nearest_free(place)),
         }
     }
 

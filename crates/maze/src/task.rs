@@ -6,7 +6,8 @@ use rand::{Rng, RngExt};
 
 use crate::layout::{Cell, Layout};
 
-/// Within this distance of the goal an episode succeeds (m).
+/// Within this distance of a goal it counts as reached (m): the default of evaluations, and what
+/// collected data and hindsight goals use.
 pub const SUCCESS_RADIUS: f32 = 0.5;
 
 /// How the goals of offline data are drawn.
@@ -29,11 +30,20 @@ pub struct Task {
     pub goal_cell: Cell,
 }
 
+impl From<Task> for simulator::Task {
+    fn from(task: Task) -> Self {
+        Self {
+            start: task.start,
+            goal: task.goal.to_vec(),
+        }
+    }
+}
+
 /// An evaluation task. In D4RL's mazes: from the start cell to a goal cell's centre plus U(0, 1)
 /// and U(0, 0.5) in each axis. In OGBench's (those with [`tasks`](Layout::tasks)): one of the
 /// tasks, start and goal off their centres by U(-1, 1) in each axis.
 #[must_use]
-pub fn evaluation_task(layout: &Layout, rng: &mut impl Rng) -> Task {
+pub fn evaluation_task(layout: &Layout, rng: &mut (impl Rng + ?Sized)) -> Task {
     if !layout.tasks().is_empty() {
         let (start, goal_cell) = layout.tasks()[rng.random_range(0..layout.tasks().len())];
         let mut noisy = |cell| {
@@ -62,7 +72,7 @@ pub fn evaluation_task(layout: &Layout, rng: &mut impl Rng) -> Task {
 /// A task of data collection: a start cell that can be reached that is no goal cell of its style's own, plus
 /// U(0, 1) in each axis, and a goal of the style, another cell.
 #[must_use]
-pub fn random_task(layout: &Layout, style: Style, rng: &mut impl Rng) -> Task {
+pub fn random_task(layout: &Layout, style: Style, rng: &mut (impl Rng + ?Sized)) -> Task {
     let free = layout.reachable_cells();
     let goal_cell = match style {
         Style::Diverse => pick(&free, rng),
@@ -88,7 +98,7 @@ pub fn random_task(layout: &Layout, style: Style, rng: &mut impl Rng) -> Task {
 }
 
 /// One of a layout's cells; layouts always have a start and a goal.
-fn pick(cells: &[Cell], rng: &mut impl Rng) -> Cell {
+fn pick(cells: &[Cell], rng: &mut (impl Rng + ?Sized)) -> Cell {
     cells
         .get(rng.random_range(0..cells.len().max(1)))
         .copied()

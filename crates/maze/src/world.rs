@@ -2,9 +2,8 @@
 
 use std::sync::Arc;
 
-use rand::{Rng, RngExt, SeedableRng};
+use rand::Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
-use rand_pcg::Pcg64Mcg;
 use rapier3d::prelude::*;
 
 use crate::ant::{
@@ -12,6 +11,7 @@ use crate::ant::{
     LEG_RADIUS, LINK, MAX_TORQUE, RESET_HEIGHT, TORSO_RADIUS, child_body, parent_body,
 };
 use crate::layout::{Layout, WALL_HEIGHT};
+use crate::teleport::{Exits, Teleports};
 use crate::{ACTION, Action, CONTROL_SECONDS, OBSERVATION, Observation};
 
 const BODIES: usize = 9;
@@ -34,9 +34,6 @@ const CONTACT_SPRING: [f32; 2] = [8.0, 1.0];
 const CONTACT_PREDICTION: f32 = 0.3;
 /// Distance (m) from which floor and walls push, `ant.xml`'s margin.
 const CONTACT_MARGIN: f32 = 0.01;
-/// An ant this near (m) the centre of a teleport's inlet is taken away (seohongpark/ogbench,
-/// `ogbench/locomaze/maze.py`).
-const TELEPORT_RADIUS: f32 = 1.5;
 /// Degrees of freedom of the free torso: linear, then angular.
 const ROOT: usize = 6;
 const DOFS: usize = ROOT + JOINTS;
@@ -86,7 +83,7 @@ struct Sets {
 
 /// A saved state; restoring it continues bit by bit as the original did.
 #[derive(Clone)]
-pub struct State(Box<(Sets, Pcg64Mcg)>);
+pub struct State(Box<(Sets, Exits)>);
 
 /// What an episode begins from: with it and the actions the episode is simulated again.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -111,11 +108,7 @@ pub struct AntMaze {
     links: [RigidBodyHandle; BODIES],
     root: MultibodyJointHandle,
     axes: [Vector; JOINTS],
-    /// Centres of the teleports' inlets and outlets (m).
-    inlets: Vec<[f32; 2]>,
-    outlets: Vec<[f32; 2]>,
-    /// Picks outlets.
-    exits: Pcg64Mcg,
+    teleports: Teleports,
 }
 
 fn integration(physics: &Physics) -> IntegrationParameters {
@@ -149,9 +142,7 @@ impl Clone for AntMaze {
             soft: SoftBodySet::new(),
             sets: self.sets.clone(),
             pristine: Arc::clone(&self.pristine),
-            inlets: self.inlets.clone(),
-            outlets: self.outlets.clone(),
-            exits: self.exits.clone(),
+            teleports: self.teleports.clone(),
             ..*self
         }
     }
@@ -193,9 +184,7 @@ impl AntMaze {
             links,
             root,
             axes,
-            inlets: layout.inlets().iter().map(|c| layout.centre(*c)).collect(),
-            outlets: layout.outlets().iter().map(|c| layout.centre(*c)).collect(),
-            exits: Pcg64Mcg::seed_from_u64(0),
+            teleports: Teleports::new(layout),
         };
         world.reset_to([0.0, 0.0]);
         world
@@ -209,7 +198,7 @@ impl AntMaze {
     /// Puts the ant at a place (m) with D4RL's reset noise: positions U(-0.1, 0.1), velocities
     /// 0.1 N(0, 1). In a maze with teleports it seeds the choice of their outlets, too. What it
     /// returns makes the same start again.
-    pub fn reset(&mut self, place: [f32; 2], rng: &mut impl Rng) -> Start {
+    pub fn reset(&mut self, place: [f32; 2], rng: &mut (impl Rng + ?Sized)) -> Start {
         let mut observation = reset_pose(place);
         if let Ok(noise) = Uniform::new_inclusive(-0.1, 0.1) {
             for value in &mut observation[..15] {
@@ -220,10 +209,7 @@ impl AntMaze {
             let sample: f32 = StandardNormal.sample(rng);
             *value = 0.1 * sample;
         }
-        let exits = match self.outlets.is_empty() {
-            true => 0,
-            false => rng.random(),
-        };
+        let exits = self.teleports.draw(rng);
         let start = Start { observation, exits };
         self.begin(&start);
         start
@@ -231,9 +217,7 @@ impl AntMaze {
 
     /// Begins as a [`reset`](Self::reset) did: the same actions lead to the same bits.
     pub fn begin(&mut self, start: &Start) {
-        if !self.outlets.is_empty() {
-            self.exits = Pcg64Mcg::seed_from_u64(start.exits);
-        }
+        self.teleports.begin(start.exits);
         self.set(&start.observation);
     }
 
@@ -317,14 +301,12 @@ impl AntMaze {
     /// Takes an ant that came near an inlet to one of the outlets; all but its place stays, and the
     /// world forgets the contacts of the other place.
     fn teleport(&mut self) {
-        if self.inlets.is_empty() {
+        let Some(body) = self.sets.bodies.get(self.links[0]) else {
             return;
-        }
-        let mut observation = self.observation();
-        let near =
-            |[x, y]: &[f32; 2]| (x - observation[0]).hypot(y - observation[1]) <= TELEPORT_RADIUS;
-        if self.inlets.iter().any(near) {
-            let outlet = self.outlets[self.exits.random_range(0..self.outlets.len())];
+        };
+        let Vector { x, y, .. } = body.position().translation;
+        if let Some(outlet) = self.teleports.exit([x, y]) {
+            let mut observation = self.observation();
             observation[..2].copy_from_slice(&outlet);
             self.set(&observation);
         }
@@ -439,14 +421,17 @@ impl AntMaze {
     /// Saves the state; see [`restore`](Self::restore).
     #[must_use]
     pub fn save(&self) -> State {
-        State(Box::new((self.sets.clone(), self.exits.clone())))
+        State(Box::new((
+            self.sets.clone(),
+            self.teleports.exits().clone(),
+        )))
     }
 
     /// Continues from a saved state of a world of the same maze and physics.
     pub fn restore(&mut self, state: &State) {
         let (sets, exits) = &*state.0;
         self.sets.clone_from(sets);
-        self.exits.clone_from(exits);
+        self.teleports.set_exits(exits);
     }
 }
 

@@ -6,15 +6,15 @@ use crate::Spaces;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Frame(pub u8);
 
-/// A part of a body, to draw. Its long axis is x, its origin the middle of its pose.
+/// A shape in the frame of its [`Part`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
-    /// A sphere.
+    /// A sphere about the frame's origin.
     Sphere {
         /// Radius (m).
         radius: f32,
     },
-    /// A rod from `from` to `to` in the part's own frame.
+    /// A rod with round ends.
     Capsule {
         /// One end (m).
         from: [f32; 3],
@@ -23,6 +23,15 @@ pub enum Shape {
         /// Radius (m).
         radius: f32,
     },
+}
+
+/// A part of a body that moves as one, to draw.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// Its name, unique within the body; traces use it as the name of a frame.
+    pub name: &'static str,
+    /// Its shapes.
+    pub shapes: &'static [Shape],
 }
 
 /// What is known of a simulator without an instance. Observations are its
@@ -51,8 +60,13 @@ pub trait Body: Send + Sync {
     fn to_actuators(&self, frame: Frame, action: &[f32], actuators: &mut [f32]);
 
     /// The inverse of [`to_actuators`](Self::to_actuators).
+    #[expect(clippy::wrong_self_convention, reason = "named as the inverse")]
     fn from_actuators(&self, frame: Frame, actuators: &[f32], action: &mut [f32]);
 
-    /// Its parts, to draw, and their names.
-    fn shapes(&self) -> &'static [(&'static str, Shape)];
+    /// Its parts, to draw; [`Simulator::poses`](crate::Simulator::poses) gives a pose for each.
+    fn parts(&self) -> &'static [Part];
+
+    /// Points of the body at rest in the frame of its first part (m), for viewers that draw points
+    /// but no shapes. May be empty.
+    fn outline(&self) -> Vec<[f32; 3]>;
 }

@@ -9,7 +9,7 @@ mod space;
 
 use rand::Rng;
 
-pub use body::{Body, Frame, Shape};
+pub use body::{Body, Frame, Part, Shape};
 pub use rows::{Row, RowBuffer, RowLayout, RowValues, Rows, flags};
 pub use space::{Dtype, Space, Spaces, SpacesError, Values};
 
@@ -36,8 +36,10 @@ pub struct Task {
 pub struct Step {
     /// Reward.
     pub reward: f32,
-    /// Whether the goal is reached, which ends the episode.
+    /// Whether the goal is reached.
     pub success: bool,
+    /// Whether the episode ended for good: nothing follows.
+    pub terminated: bool,
     /// Whether the body cannot go on, as an ant on its back.
     pub fell: bool,
 }
@@ -58,25 +60,30 @@ pub trait Simulator: Send {
     /// Begins an episode, with the benchmark's reset noise.
     fn reset(&mut self, task: &Task, rng: &mut dyn Rng);
 
-    /// Takes a control step. Actions beyond the bounds are clipped.
+    /// Takes a control step. Values beyond the bounds are clipped; those that are not finite or
+    /// missing count as 0.
     fn step(&mut self, action: &[f32]) -> Step;
 
     /// The observation after the last step or reset.
     fn observation(&self) -> Values<'_>;
 
+    /// The goal at the moment: that of the task, which some tasks change as they go on.
+    fn goal(&self) -> &[f32];
+
     /// The goal that an observation reaches, appended to `goal`.
     fn goal_of(&self, observation: Values<'_>, goal: &mut Vec<f32>);
 
-    /// The state as bytes that [`restore`](Self::restore) goes on from bit by bit. `None` where a
-    /// simulator cannot tell: some can at an episode's start alone.
+    /// The state as bytes, the goal included, from which [`restore`](Self::restore) continues bit by
+    /// bit. `None` if the simulator cannot save its current state; some can only at an episode's start.
     fn state(&self) -> Option<Vec<u8>>;
 
-    /// Goes on from a state.
+    /// Continues from a state.
     ///
     /// # Errors
     /// [`StateError`] for bytes that are no state of it; nothing is changed then.
     fn restore(&mut self, state: &[u8]) -> Result<(), StateError>;
 
-    /// Poses of the body's [`shapes`](Body::shapes), to draw: x, y, z (m), quaternion w, x, y, z.
+    /// Appends the pose of each of the body's [`parts`](Body::parts), to draw: x, y, z (m),
+    /// quaternion w, x, y, z.
     fn poses(&self, poses: &mut Vec<[f32; 7]>);
 }

@@ -1,349 +1,236 @@
-//! The walker: a policy of the observation alone that walks the ant towards a direction, trained
-//! by PPO online. It makes the offline data, in the place of D4RL's goal-reaching policy.
+//! The walker: a policy of the observation alone that walks the ant in a direction, trained by PPO
+//! online. It makes the offline data, in the place of D4RL's goal-reaching policy.
 
-use maze::{ACTION, EGOCENTRIC};
-use nets::{Activation, Mlp, Workspace};
-use rand::Rng;
-use rand_distr::{Distribution, StandardNormal};
+mod environment;
+mod gaussian;
+mod learner;
+mod policy;
+mod settings;
+mod stage;
 
-use crate::actor_critic::{self, ActorCritic, Samples, State};
-use crate::ppo::{self, End, Report, Settings};
+use std::sync::Arc;
 
-const LOG_TAU: f32 = 1.837_877; // ln(2 pi)
+use config::{Config, Document};
+use dataset::Needs;
+use maze::{AntBody, Layout};
+use nets::Workspace;
+use nets::file::Tensor;
+use rand_pcg::Pcg64Mcg;
+use simulator::{Body, Simulator, Values};
 
-/// Shape of the walker's policy: features to mean action, and a free log standard deviation.
-#[derive(Debug, Clone)]
-pub struct Policy {
-    mlp: Mlp,
-}
-
-impl Policy {
-    /// A policy with these hidden layers.
-    #[must_use]
-    pub fn new(hidden: &[usize]) -> Self {
-        let sizes = [&[EGOCENTRIC], hidden, &[ACTION]].concat();
-        Self {
-            mlp: Mlp::new(&sizes, Activation::Tanh, false),
-        }
-    }
-
-    /// The network.
-    #[must_use]
-    pub fn mlp(&self) -> &Mlp {
-        &self.mlp
-    }
-
-    /// Length of the flat weights: the network's, then 8 log standard deviations.
-    #[must_use]
-    pub fn weights(&self) -> usize {
-        self.mlp.parameters() + ACTION
-    }
-
-    /// Fresh weights.
-    pub fn init(&self, log_std: f32, rng: &mut impl Rng) -> Vec<f32> {
-        let mut weights = self.mlp.init(rng, 0.01);
-        weights.extend([log_std; ACTION]);
-        weights
-    }
-
-    /// Mean actions `[batch, 8]` of features `[batch, 28]`, in each feature's own frame.
-    pub fn mean<'w>(
-        &self,
-        weights: &[f32],
-        features: &[f32],
-        batch: usize,
-        workspace: &'w mut Workspace,
-    ) -> &'w [f32] {
-        self.mlp.infer(
-            &weights[..self.mlp.parameters()],
-            features,
-            batch,
-            workspace,
-        )
-    }
-
-    /// The log standard deviations within flat weights.
-    #[must_use]
-    pub fn log_std<'w>(&self, weights: &'w [f32]) -> &'w [f32] {
-        &weights[self.mlp.parameters()..]
-    }
-}
-
-/// Samples an action around `mean` and returns its log-probability.
-pub fn sample(mean: &[f32], log_std: &[f32], rng: &mut impl Rng, action: &mut [f32]) -> f32 {
-    let mut log_prob = 0.0;
-    for ((action, mean), log_std) in action.iter_mut().zip(mean).zip(log_std) {
-        let noise: f32 = StandardNormal.sample(rng);
-        *action = mean + log_std.exp() * noise;
-        log_prob -= 0.5 * noise * noise + log_std + 0.5 * LOG_TAU;
-    }
-    log_prob
-}
-
-/// On-policy steps of many short records, flat.
-#[derive(Debug, Clone, Default)]
-pub struct Batch {
-    /// `[n, 28]`.
-    pub features: Vec<f32>,
-    /// Actions as sampled, in each feature's own frame, `[n, 8]`.
-    pub actions: Vec<f32>,
-    /// Their log-probabilities under the behaviour policy, `[n]`.
-    pub log_probs: Vec<f32>,
-    /// `[n]`.
-    pub rewards: Vec<f32>,
-    /// `[n]`.
-    pub ends: Vec<End>,
-    /// Features after the last step of each record, `[records, 28]`.
-    pub final_features: Vec<f32>,
-    /// Steps of each record.
-    pub records: Vec<usize>,
-}
-
-impl Batch {
-    /// Steps held.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.rewards.len()
-    }
-
-    /// Whether no step is held.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.rewards.is_empty()
-    }
-
-    /// Forgets all steps and keeps the memory.
-    pub fn clear(&mut self) {
-        self.features.clear();
-        self.actions.clear();
-        self.log_probs.clear();
-        self.rewards.clear();
-        self.ends.clear();
-        self.final_features.clear();
-        self.records.clear();
-    }
-}
-
-/// Actor, critic and their optimisers.
-pub struct Learner {
-    policy: Policy,
-    networks: ActorCritic,
-    values: Vec<f32>,
-    final_values: Vec<f32>,
-    estimate: ppo::Estimate,
-}
-
-/// Without bounds on the spread a batch can make it collapse or explode.
-const LOG_STD: [f32; 2] = [-2.5, 0.5];
-
-impl Learner {
-    /// A learner with fresh networks.
-    pub fn new(
-        hidden: &[usize],
-        log_std: f32,
-        learning_rate: f32,
-        settings: Settings,
-        rng: &mut impl Rng,
-    ) -> Self {
-        let policy = Policy::new(hidden);
-        let sizes = [&[EGOCENTRIC], hidden, &[1]].concat();
-        let networks = [
-            policy.mlp().clone(),
-            Mlp::new(&sizes, Activation::Tanh, false),
-        ];
-        Self {
-            networks: ActorCritic::new(
-                networks,
-                &[log_std; ACTION],
-                learning_rate,
-                settings,
-                0,
-                rng,
-            ),
-            policy,
-            values: vec![],
-            final_values: vec![],
-            estimate: ppo::Estimate::default(),
-        }
-    }
-
-    /// The policy's flat weights, as actors use them.
-    #[must_use]
-    pub fn weights(&self) -> &[f32] {
-        &self.networks.weights
-    }
-
-    /// Begins with these weights instead; false, and nothing is changed, where their number is
-    /// wrong.
-    #[must_use]
-    pub fn set_weights(&mut self, weights: Vec<f32>) -> bool {
-        let fits = weights.len() == self.networks.weights.len();
-        if fits {
-            self.networks.weights = weights;
-        }
-        fits
-    }
-
-    /// Where the training is.
-    #[must_use]
-    pub fn state(&self) -> State {
-        self.networks.state()
-    }
-
-    /// Goes on from a state; false, and nothing is changed, where it is of other networks.
-    #[must_use]
-    pub fn restore(&mut self, state: State) -> bool {
-        self.networks.restore(state)
-    }
-
-    /// The policy's shape.
-    #[must_use]
-    pub fn policy(&self) -> &Policy {
-        &self.policy
-    }
-
-    /// Sets the step size of both networks.
-    pub fn set_learning_rate(&mut self, rate: f32) {
-        self.networks.set_learning_rate(rate);
-    }
-
-    /// One PPO update on a batch of on-policy steps.
-    pub fn update(&mut self, batch: &Batch, rng: &mut impl Rng) -> Report {
-        let row = |features: &[f32], i: usize, input: &mut Vec<f32>| {
-            input.extend_from_slice(&features[i * EGOCENTRIC..(i + 1) * EGOCENTRIC]);
-        };
-        self.values.clear();
-        self.final_values.clear();
-        let networks = &mut self.networks;
-        let steps = |i: usize, input: &mut Vec<f32>| row(&batch.features, i, input);
-        networks.values(batch.len(), steps, &mut self.values);
-        let finals = |i: usize, input: &mut Vec<f32>| row(&batch.final_features, i, input);
-        networks.values(batch.records.len(), finals, &mut self.final_values);
-        ppo::estimate(
-            networks.settings(),
-            &batch.records,
-            (&self.values, &self.final_values),
-            (&batch.rewards, &batch.ends, None),
-            &mut self.estimate,
-        );
-        let samples = Samples {
-            input: steps,
-            log_probs: &batch.log_probs,
-            estimate: &self.estimate,
-        };
-        let bound = |log_std: &mut [f32]| {
-            for value in log_std {
-                *value = value.clamp(LOG_STD[0], LOG_STD[1]);
-            }
-        };
-        networks.update(samples, &mut Gaussian::new(&batch.actions), bound, rng)
-    }
-}
-
-/// A diagonal Gaussian around the network's outputs; its log standard deviations are free
-/// parameters.
-pub(crate) struct Gaussian<'a> {
-    actions: &'a [f32],
-}
-
-impl<'a> Gaussian<'a> {
-    /// Of actions `[n, outputs]`.
-    pub(crate) fn new(actions: &'a [f32]) -> Self {
-        Self { actions }
-    }
-}
-
-impl actor_critic::Distribution for Gaussian<'_> {
-    fn grade(
-        &mut self,
-        i: usize,
-        mean: &[f32],
-        log_std: &[f32],
-        weigh: impl FnOnce(f32, f32) -> [f32; 2],
-        mean_gradient: &mut [f32],
-        log_std_gradient: &mut [f32],
-    ) -> bool {
-        let width = mean.len();
-        let action = &self.actions[i * width..(i + 1) * width];
-        let (mut log_prob, mut entropy) = (0.0, 0.0);
-        for k in 0..width {
-            let noise = (action[k] - mean[k]) * (-log_std[k]).exp();
-            log_prob -= 0.5 * noise * noise + log_std[k] + 0.5 * LOG_TAU;
-            entropy += log_std[k] + 0.5 * (LOG_TAU + 1.0);
-        }
-        let [log_weight, entropy_weight] = weigh(log_prob, entropy);
-        for k in 0..width {
-            let std = log_std[k].exp();
-            let noise = (action[k] - mean[k]) / std;
-            mean_gradient[k] += log_weight * noise / std;
-            log_std_gradient[k] += log_weight * (noise * noise - 1.0) + entropy_weight;
-        }
-        true
-    }
-}
+use crate::algorithm::{Algorithm, Checkpoint, Environments, Network, Plan};
+use crate::graph_rule::GraphRule;
+use crate::parts::{PARTS, Parts, Versions};
+use crate::policy::{Act, Mode};
+use crate::stage::{Inputs, Stage, StageError, StageSpec};
+use crate::summary::{Label, Lookup, Summary};
+use environment::{EPISODE_STEPS, Stroll};
 
 #[cfg(test)]
-mod tests {
-    use rand::{RngExt, SeedableRng};
-    use rand_pcg::Pcg64Mcg;
+pub(crate) use gaussian::Gaussian;
+pub use policy::{Policy, WalkerError, load, shipped};
+pub use settings::Settings;
 
-    use super::*;
+/// The algorithm.
+pub struct Walker;
 
-    fn settings() -> Settings {
-        Settings {
-            epochs: 4,
-            minibatch: 256,
-            clip: 0.2,
-            entropy: 0.0,
-            value_loss: 0.5,
-            max_gradient_norm: 0.5,
-            discount: 0.9,
-            gae_lambda: 0.95,
-            target_kl: None,
+impl Algorithm for Walker {
+    fn name(&self) -> &'static str {
+        "walker"
+    }
+
+    fn is_offline(&self) -> bool {
+        false
+    }
+
+    fn settings(&self, d: &mut Document<'_>) -> config::Settings {
+        config::Settings::new(d.table("walker", Settings::read))
+    }
+
+    fn plan(&self, config: &Config, _: &'static dyn Body) -> Option<Box<dyn Plan>> {
+        let settings: &Settings = config.settings.get()?;
+        Some(Box::new(Training {
+            settings: settings.clone(),
+            seed: config.run.seed,
+        }))
+    }
+
+    fn labels(&self) -> &'static [Label] {
+        const fn label(metric: &'static str, label: &'static str) -> Label {
+            Label {
+                metric,
+                label,
+                decimals: 3,
+                rate: "",
+            }
+        }
+        const LABELS: &[Label] = &[
+            label("walker/speed_m_s", "speed (m/s)"),
+            label("walker/falls_per_1000_steps", "falls per 1000 steps"),
+            label("walker/reward", "reward"),
+            label("walker/value_loss", "value loss"),
+            label("walker/entropy", "entropy (nats)"),
+            label("walker/kl", "KL (nats)"),
+        ];
+        LABELS
+    }
+
+    fn summary(&self, _: Lookup<'_, String>, metric: Lookup<'_, f64>) -> Vec<Summary> {
+        let speed = metric("walker/speed_m_s").map(|speed| format!("{speed:.2} m/s"));
+        vec![Summary {
+            name: "walker",
+            title: "walker",
+            seconds: metric("time/walker_s"),
+            text: speed.unwrap_or_default(),
+            quality: None,
+        }]
+    }
+}
+
+struct Training {
+    settings: Settings,
+    seed: u64,
+}
+
+impl Plan for Training {
+    fn networks(&self) -> Vec<Network> {
+        vec![Network {
+            name: "walker",
+            title: "walker",
+            weights: Policy::new(&self.settings.hidden).weights(),
+            over_graph: false,
+            grows: false,
+        }]
+    }
+
+    fn needs(&self) -> Option<Needs> {
+        None
+    }
+
+    fn stages(&self) -> Vec<StageSpec> {
+        vec![StageSpec {
+            name: "walker",
+            after: vec![],
+            needs_graph: false,
+            online: true,
+        }]
+    }
+
+    fn start(
+        &self,
+        _: usize,
+        _: &Inputs<'_>,
+        saved: Option<&[u8]>,
+    ) -> Result<Box<dyn Stage>, StageError> {
+        stage::start(&self.settings, self.seed, saved)
+    }
+
+    fn graph(&self) -> Option<Arc<dyn GraphRule>> {
+        None
+    }
+
+    fn policy(
+        &self,
+        parts: &Parts,
+        wanted: Option<&Versions>,
+    ) -> Option<(Box<dyn crate::Policy>, Versions)> {
+        let weights = parts.weights(0)?;
+        let mut versions = [0; PARTS];
+        versions[0] = weights.version;
+        let policy = Policy::new(&self.settings.hidden);
+        let fits = weights.values.len() == policy.weights()
+            && wanted.is_none_or(|wanted| *wanted == versions);
+        fits.then(|| {
+            let walking = Walking {
+                workspace: policy.mlp().workspace(1),
+                policy,
+                weights: Arc::clone(&weights.values),
+                direction: [1.0, 0.0],
+                mode: Mode::Explore,
+                features: vec![],
+                own: vec![],
+            };
+            (Box::new(walking) as Box<dyn crate::Policy>, versions)
+        })
+    }
+
+    fn on_policy(&self) -> Option<usize> {
+        Some(0)
+    }
+
+    fn choice_words(&self) -> usize {
+        0
+    }
+
+    fn environments(&self) -> Environments {
+        Environments {
+            number: self.settings.environments,
+            trajectory_rows: self.settings.segment + 1,
+            episode_steps: Some(EPISODE_STEPS),
         }
     }
 
-    /// One-step episodes whose reward is highest at a known action.
-    #[test]
-    fn learns_the_best_action_of_a_bandit() {
-        let mut rng = Pcg64Mcg::seed_from_u64(0);
-        let mut learner = Learner::new(&[32], -0.5, 3e-3, settings(), &mut rng);
-        let best = |features: &[f32]| 0.5 * features[0].signum();
-        let mut batch = Batch::default();
-        let mut rewards = vec![];
-        for _ in 0..40 {
-            batch.clear();
-            let mut workspace = learner.policy().mlp().workspace(1);
-            for _ in 0..512 {
-                let features: Vec<f32> = (0..EGOCENTRIC)
-                    .map(|_| rng.random_range(-1.0..1.0))
-                    .collect();
-                let mut action = [0.0; ACTION];
-                let policy = learner.policy();
-                let mean = policy.mean(learner.weights(), &features, 1, &mut workspace);
-                let log_prob = sample(
-                    mean,
-                    policy.log_std(learner.weights()),
-                    &mut rng,
-                    &mut action,
-                );
-                let target = best(&features);
-                let reward = -action.iter().map(|a| (a - target).powi(2)).sum::<f32>();
-                batch.features.extend_from_slice(&features);
-                batch.final_features.extend_from_slice(&features);
-                batch.actions.extend_from_slice(&action);
-                batch.log_probs.push(log_prob);
-                batch.rewards.push(reward);
-                batch.ends.push(End::Terminal);
-                batch.records.push(1);
-            }
-            rewards.push(batch.rewards.iter().sum::<f32>() / 512.0);
-            learner.update(&batch, &mut rng);
+    fn simulator(&self, layout: &Layout, number: usize) -> Option<Box<dyn Simulator>> {
+        let s = &self.settings;
+        let in_maze = (s.maze_share * s.environments as f64).round() as usize;
+        Some(Box::new(Stroll::new(layout, s, number < in_maze)))
+    }
+
+    fn checkpoint<'w>(&self, _: usize, weights: &'w [f32]) -> Checkpoint<'w> {
+        let hidden = self.settings.hidden.iter().map(ToString::to_string);
+        let policy = Policy::new(&self.settings.hidden);
+        let parameters = policy.mlp().parameters();
+        let mut tensors: Vec<Tensor<'w>> =
+            policy.mlp().tensors("policy", &weights[..parameters]);
+        let log_std = &weights[parameters..];
+        tensors.push(("log_std".to_owned(), vec![log_std.len()], log_std));
+        Checkpoint {
+            tensors,
+            metadata: vec![(
+                "hidden".to_owned(),
+                hidden.collect::<Vec<String>>().join(","),
+            )],
+            copy: Some(self.settings.output.clone()).filter(|path| !path.is_empty()),
         }
-        let (first, last) = (rewards[0], rewards[rewards.len() - 1]);
-        assert!(
-            last > 0.5 * first,
-            "mean reward went from {first} to {last}"
-        );
+    }
+}
+
+/// The walker at work.
+struct Walking {
+    policy: Policy,
+    weights: Arc<[f32]>,
+    workspace: Workspace,
+    direction: [f32; 2],
+    mode: Mode,
+    features: Vec<f32>,
+    /// The action in the body's own frame.
+    own: Vec<f32>,
+}
+
+impl crate::Policy for Walking {
+    fn begin(&mut self, goal: &[f32], mode: Mode) {
+        self.mode = mode;
+        self.aim(goal);
+    }
+
+    fn aim(&mut self, goal: &[f32]) {
+        self.direction = [0, 1].map(|axis| goal.get(axis).copied().unwrap_or(0.0));
+    }
+
+    fn act(&mut self, observation: Values<'_>, rng: &mut Pcg64Mcg, act: &mut Act) {
+        let observation = observation.floats().unwrap_or_default();
+        self.features.clear();
+        let frame = AntBody.view(observation, self.direction, &mut self.features);
+        let mean = self
+            .policy
+            .mean(&self.weights, &self.features, 1, &mut self.workspace);
+        self.own.clear();
+        self.own.extend_from_slice(mean);
+        if self.mode == Mode::Explore {
+            let log_std = self.policy.log_std(&self.weights);
+            act.log_prob = policy::sample(mean, log_std, rng, &mut self.own);
+        }
+        act.action.resize(self.own.len(), 0.0);
+        AntBody.to_actuators(frame, &self.own, &mut act.action);
     }
 }

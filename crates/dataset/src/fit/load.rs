@@ -2,11 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use config::{Config, Latent, Misfit};
+use config::{Config, Misfit};
 use maze::{CELL_SIZE, Layout, LayoutError};
 
 use super::{Expect, Number, Share, Unfit, check, suffices};
 use crate::{Dataset, DatasetError, Opened, open_with};
+
+/// What an algorithm needs of its data.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// Steps that an episode must be longer than, by the config's keys.
+    pub lags: Vec<(&'static str, usize)>,
+    /// Rows in which the body must be under way.
+    pub nodes: usize,
+}
 
 /// Data, and what there is to say of them.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,11 +53,11 @@ pub enum LoadError {
 /// # Errors
 /// A file that cannot be read, and data that do not fit the run; with `dataset.fit = "warn"` only
 /// those that nothing can be learnt from.
-pub fn load_for(config: &Config) -> Result<Loaded, LoadError> {
+pub fn load_for(config: &Config, needs: &Needs) -> Result<Loaded, LoadError> {
     let path = Path::new(&config.dataset.path);
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
     let Opened { data, dropped, .. } = open_with(path, config.dataset.on_fault)?;
-    let mut loaded = prepare(config, path, &layout, data)?;
+    let mut loaded = prepare(config, needs, path, &layout, data)?;
     if dropped.episodes > 0 {
         loaded.notes.insert(0, dropped.to_string());
     }
@@ -57,22 +66,16 @@ pub fn load_for(config: &Config) -> Result<Loaded, LoadError> {
 
 fn prepare(
     config: &Config,
+    needs: &Needs,
     path: &Path,
     layout: &Layout,
     data: Dataset,
 ) -> Result<Loaded, LoadError> {
-    let encoder = &config.encoder;
-    // One that is not trained here wants no pairs.
-    let trained = encoder.kind == Latent::Vae && encoder.from.is_none();
-    let lags = [
-        ("graph.lag", config.graph.lag),
-        ("encoder.lag", if trained { encoder.lag } else { 0 }),
-    ];
     let expect = Expect {
         maze: &config.maze.layout,
         layout,
-        lags: &lags,
-        nodes: config.graph.nodes,
+        lags: &needs.lags,
+        nodes: needs.nodes,
     };
     let refuse = |unfit: Unfit| LoadError::Unfit {
         path: path.to_path_buf(),
@@ -103,7 +106,7 @@ fn prepare(
         suffices(&data, &expect).map_err(refuse)?;
         data
     };
-    notes.extend(short(&data, &lags));
+    notes.extend(short(&data, &needs.lags));
     notes.extend(uncovered(&data, layout));
     let notes = notes
         .into_iter()
