@@ -15,6 +15,10 @@ test:
 ci:
     bash .ci/run
 
+# Which crate may depend on which, no import circles, no file over 500 lines
+structure:
+    python3 tests/structure.py
+
 # How well the walker walks, and how far a perfect planner gets with it
 ceiling maze="large":
     cargo run --release -- ceiling configs/antmaze-{{maze}}-diverse.toml --episodes 300
