@@ -29,7 +29,7 @@ chaos:
 
 # An hour of full load: memory, descriptors, throughput
 soak:
-    cargo test --package system-tests --test chaos -- --ignored long_soak --nocapture
+    cargo test --package system-tests --test soak -- --ignored long_soak --nocapture
 
 # `formica watch`, which CI does not build: checked, built, and asked by a client (PyPI's websockets)
 live run:

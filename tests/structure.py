@@ -42,7 +42,7 @@ ALLOWED = {
 PREFIXED = re.compile(r"\b(?:crate|self|super)(?:\s*::\s*\w+)+")
 USE = re.compile(r"^[ \t]*(pub(?:\([^)]*\))?\s+)?use\s+([^;]+);", re.M)
 DECLARED = re.compile(r"^[ \t]*(#\[cfg\(test\)\]\s*)?(?:pub(?:\([^)]*\))?\s+)?mod\s+(\w+)\s*;", re.M)
-INLINE_TESTS = re.compile(r"^#\[cfg\(test\)\]\nmod \w+ \{.*?^\}", re.M | re.S)
+INLINE_TESTS = re.compile(r"^#\[cfg\(test\)\]\n(?:pub(?:\([^)]*\))? )?mod \w+ \{.*?^\}", re.M | re.S)
 COMMENT_OR_TEXT = re.compile(r"//[^\n]*|r(#*)\".*?\"\1|\"(?:\\.|[^\"\\])*\"", re.S)
 
 

@@ -16,21 +16,13 @@ mod value;
 use std::path::Path;
 
 pub use fault::{Fault, Faults};
+pub use paths::Paths;
 pub use resume::{Change, OnResume};
 pub use sections::{
     Collect, Config, Controller, Dataset, Encoder, Evaluation, Execution, Graph, High, Kind,
     Knowledge, Latent, Low, Maze, Misfit, OnFault, Planner, Rollouts, Run, Seeding, Supervision,
     Topology, Traces, WalkerTraining,
 };
-
-/// How the paths in a run file are taken.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Paths<'b> {
-    /// Where relative ones begin; the present folder without.
-    pub base: Option<&'b Path>,
-    /// Whether files that they name need not be there.
-    pub lenient: bool,
-}
 
 impl Config {
     /// Reads a run file, with `table.key` and value pairs laid over it. Relative paths begin at

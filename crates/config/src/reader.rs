@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use toml::de::{DeTable, DeValue};
 
-use crate::Paths;
 use crate::fault::{Fault, escaped, shown, unknown};
+use crate::names;
+use crate::paths::{self, Paths};
 use crate::resume;
 use crate::syntax;
 use crate::value::{Value, Whole};
-use crate::{names, paths};
 
 /// Items of a list of tables that are told as faults, and keys of a table.
 const MOST: usize = 50;

@@ -1,6 +1,6 @@
 //! What is played with what was trained: `[rollouts]`, `[execution]`, `[evaluation]`, `[traces]`.
 
-use crate::read::optional_table;
+use crate::read::optional::optional_table;
 use crate::reader::Document;
 use crate::sections::{Evaluation, Execution, Rollouts, Traces};
 

@@ -1,7 +1,7 @@
 //! What is trained: `[encoder]`, `[graph]`, `[low]`, `[high]`.
 
 use crate::read::data::file;
-use crate::read::optional_table;
+use crate::read::optional::optional_table;
 use crate::reader::{Document, Table};
 use crate::sections::{Controller, Encoder, Graph, High, Knowledge, Latent, Low, Planner, Seeding};
 

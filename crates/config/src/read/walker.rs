@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::read::data::file;
-use crate::read::optional_table;
+use crate::read::optional::optional_table;
 use crate::reader::{Document, Table};
 use crate::sections::WalkerTraining;
 
