@@ -15,6 +15,10 @@ test:
 ci:
     bash .ci/run
 
+# Which crate may depend on which, no import circles, no file over 500 lines
+structure:
+    python3 tests/structure.py
+
 # How well the walker walks, and how far a perfect planner gets with it
 ceiling maze="large":
     cargo run --release -- ceiling configs/antmaze-{{maze}}-diverse.toml --episodes 300
@@ -25,7 +29,7 @@ chaos:
 
 # An hour of full load: memory, descriptors, throughput
 soak:
-    cargo test --package system-tests --test chaos -- --ignored long_soak --nocapture
+    cargo test --package system-tests --test soak -- --ignored long_soak --nocapture
 
 # `formica watch`, which CI does not build: checked, built, and asked by a client (PyPI's websockets)
 live run:

@@ -6,16 +6,14 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are tests too.
 
-use std::path::Path;
-use std::process::Child;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use system_tests::{
-    children, domain, eventually, finished, formica, is_alive, kill, of_role, one_at_a_time, piped,
-    shared_memory, shared_memory_of, start, started,
+    children, domain, ends_well, eventually, finished, footprint, formica, is_alive, kill, of_role,
+    one_at_a_time, piped, shared_memory, shared_memory_of, start, started,
 };
 
 /// However often they die.
@@ -33,26 +31,6 @@ const PATIENT: [&str; 9] = [
 
 fn patient<'s>(more: &[&'s str]) -> Vec<&'s str> {
     [PATIENT.as_slice(), more].concat()
-}
-
-/// Ends with a score, all transitions accounted for, nothing left behind.
-fn ends_well(folder: &Path, launcher: Child, deadline: Duration) -> String {
-    let (code, told) = finished(launcher, deadline);
-    assert_eq!(code, Some(0), "{told}");
-    assert!(told.contains("normalized score"), "{told}");
-    assert!(
-        told.contains("received by the learner (0 lost, 0 refused)"),
-        "{told}"
-    );
-    assert!(
-        told.contains("received by the graph-builder (0 lost, 0 refused)"),
-        "{told}"
-    );
-    assert_eq!(
-        shared_memory(&folder.join("runs/small")),
-        Vec::<String>::new()
-    );
-    told
 }
 
 fn score(told: &str) -> f64 {
@@ -354,98 +332,6 @@ fn a_second_interrupt_ends_at_once() {
         shared_memory(&folder.path().join("runs/small")),
         Vec::<String>::new()
     );
-}
-
-/// Of all of a launcher's processes: resident memory (bytes), open descriptors, and the size of
-/// the run's files in shared memory.
-fn footprint(launcher: &Child, id: &str) -> [u64; 3] {
-    let mut sums = [0; 3];
-    let mut family = children(launcher);
-    family.push(launcher.id());
-    for pid in family {
-        let pages = std::fs::read_to_string(format!("/proc/{pid}/statm")).unwrap_or_default();
-        let pages = pages
-            .split(' ')
-            .nth(1)
-            .and_then(|pages| pages.parse::<u64>().ok());
-        sums[0] += pages.unwrap_or(0) * rustix::param::page_size() as u64;
-        let open = std::fs::read_dir(format!("/proc/{pid}/fd"))
-            .into_iter()
-            .flatten();
-        sums[1] += open.count() as u64;
-    }
-    let sizes = shared_memory_of(id);
-    let size = |name: &String| std::fs::metadata(format!("/dev/shm/{name}")).map_or(0, |f| f.len());
-    sums[2] = sizes.iter().map(size).sum();
-    sums
-}
-
-/// Runs at full load: memory, descriptors and shared memory stay as they are, and so does the
-/// number of transitions a second.
-fn soak(seconds: u64) {
-    let rollouts = format!("rollouts.seconds={}", seconds + 20);
-    let (folder, launcher) = started(&["run.checkpoint_seconds=5", &rollouts]);
-    let run = folder.path().join("runs/small");
-    let transitions = || {
-        let books = wire::Books::read(&wire::Reader::Learner.ledger(&run)).unwrap_or_default();
-        books.counts.transitions
-    };
-    let under_way = || transitions() > 20_000;
-    assert!(eventually(Duration::from_secs(60), under_way));
-    let id = domain(&run);
-    // Buffers grow to their size at first.
-    std::thread::sleep(Duration::from_secs(10));
-    let parts = 6;
-    let mut seen = vec![(Instant::now(), transitions(), footprint(&launcher, &id))];
-    for _ in 0..parts {
-        std::thread::sleep(Duration::from_millis(1000 * (seconds - 10) / parts));
-        seen.push((Instant::now(), transitions(), footprint(&launcher, &id)));
-    }
-    let rate = |pair: &[(Instant, u64, [u64; 3])]| {
-        let [(before, sent, _), (now, more, _)] = pair else {
-            unreachable!("windows of two")
-        };
-        (more - sent) as f64 / (*now - *before).as_secs_f64()
-    };
-    let rates: Vec<f64> = seen.windows(2).map(rate).collect();
-    let [first, last] = [seen[0].2, seen[seen.len() - 1].2];
-    println!("transitions/s {rates:.0?}; memory, descriptors, shared memory {first:?} {last:?}");
-    for (_, _, now) in &seen {
-        println!(
-            "{:.1} MiB, {} descriptors, {:.1} MiB shared",
-            now[0] as f64 / 1048576.0,
-            now[1],
-            now[2] as f64 / 1048576.0
-        );
-    }
-    ends_well(folder.path(), launcher, Duration::from_secs(120));
-    // Curves and logs of an hour are a few bytes a second.
-    assert!(
-        last[0] < first[0] + first[0] / 50 + (4 << 20),
-        "memory grows: {first:?} {last:?}"
-    );
-    assert!(
-        last[1] <= first[1] + 2,
-        "descriptors grow: {first:?} {last:?}"
-    );
-    assert_eq!(last[2], first[2], "shared memory grows");
-    if seconds > 600 {
-        let [first, last] = [rates[0], rates[rates.len() - 1]];
-        assert!(last > 0.95 * first, "it slows down: {rates:.0?}");
-    }
-}
-
-#[test]
-fn a_minute_of_full_load_leaves_memory_as_it_is() {
-    let _one = one_at_a_time();
-    soak(45);
-}
-
-#[test]
-#[ignore = "an hour: just soak"]
-fn long_soak() {
-    let _one = one_at_a_time();
-    soak(3600);
 }
 
 /// A run that learns something, so that its score says whether chaos cost it.

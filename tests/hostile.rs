@@ -11,6 +11,48 @@ use wire::{
     Role, RunDomain, Status, TrajectoryHeader, TrajectorySender, Transition, WeightsPublisher,
 };
 
+/// An invalid transition.
+fn transition(number: usize) -> Transition {
+    let garbage = [
+        Transition {
+            reward: f32::NAN,
+            ..Transition::default()
+        },
+        Transition {
+            observation: [f32::INFINITY; wire::OBSERVATION],
+            ..Transition::default()
+        },
+        Transition {
+            node: i32::MAX,
+            subgoal: i32::MIN,
+            ..Transition::default()
+        },
+    ];
+    garbage[number % garbage.len()]
+}
+
+/// Publishes an invalid directive and invalid reports.
+fn publish_reports(directives: &DirectivePublisher, reporter: &Reporter) {
+    let directive = Directive {
+        phase: 77,
+        episodes: u32::MAX,
+        ..Directive::default()
+    };
+    directives.publish(&directive).unwrap();
+    reporter.status(&Status {
+        role: 99,
+        id: u32::MAX,
+        ..Status::default()
+    });
+    reporter.metric(&Metric::new(Role::Actor, u32::MAX, "", 0, f64::NAN));
+    reporter.result(&EpisodeResult {
+        episode: u32::MAX,
+        success: 1000,
+        nearest: f32::NAN,
+        ..EpisodeResult::default()
+    });
+}
+
 #[test]
 fn garbage_on_every_channel_is_refused_at_the_door() {
     let _one = one_at_a_time();
@@ -32,21 +74,6 @@ fn garbage_on_every_channel_is_refused_at_the_door() {
     let mut sender = TrajectorySender::connect(&bus, claim, Duration::from_secs(20), &|| false)
         .unwrap()
         .unwrap();
-    let garbage = [
-        Transition {
-            reward: f32::NAN,
-            ..Transition::default()
-        },
-        Transition {
-            observation: [f32::INFINITY; wire::OBSERVATION],
-            ..Transition::default()
-        },
-        Transition {
-            node: i32::MAX,
-            subgoal: i32::MIN,
-            ..Transition::default()
-        },
-    ];
     let end = Instant::now() + Duration::from_secs(4);
     let mut sent = 0;
     while Instant::now() < end {
@@ -60,24 +87,7 @@ fn garbage_on_every_channel_is_refused_at_the_door() {
         }
         graph.publish(u64::MAX, &[0xff; 100]).unwrap();
         graph.publish(0, b"FORMICAG").unwrap();
-        let directive = Directive {
-            phase: 77,
-            episodes: u32::MAX,
-            ..Directive::default()
-        };
-        directives.publish(&directive).unwrap();
-        reporter.status(&Status {
-            role: 99,
-            id: u32::MAX,
-            ..Status::default()
-        });
-        reporter.metric(&Metric::new(Role::Actor, u32::MAX, "", 0, f64::NAN));
-        reporter.result(&EpisodeResult {
-            episode: u32::MAX,
-            success: 1000,
-            nearest: f32::NAN,
-            ..EpisodeResult::default()
-        });
+        publish_reports(&directives, &reporter);
         if sender.credit() {
             let header = TrajectoryHeader {
                 episode: u64::MAX,
@@ -86,7 +96,7 @@ fn garbage_on_every_channel_is_refused_at_the_door() {
                 weights_version: u64::MAX,
                 ..TrajectoryHeader::default()
             };
-            let step = garbage[sent % garbage.len()];
+            let step = transition(sent);
             sender.send_with(header, 5, |_| step).unwrap();
             sent += 1;
         }

@@ -129,15 +129,20 @@ fn the_report_of_a_run_has_every_part_and_needs_no_other_file() {
         "{score}"
     );
 
-    // What is gone, or damaged, of graph and traces is told in its place.
-    let run = folder.path().join("runs/small");
+    damaged_files_are_named(folder.path());
+    missing_files_are_named(folder.path(), &hash);
+}
+
+/// A damaged graph or trace is replaced by a message.
+fn damaged_files_are_named(folder: &Path) {
+    let run = folder.join("runs/small");
     std::fs::write(run.join("graph.bin"), "no graph").unwrap();
     let trace = run.join("traces/episode-0000.mcap");
     let whole = std::fs::read(&trace).unwrap();
     std::fs::write(&trace, &whole[..whole.len() / 2]).unwrap();
-    let (code, told) = report(folder.path(), &["small", "--out", "half.html"]);
+    let (code, told) = report(folder, &["small", "--out", "half.html"]);
     assert_eq!(code, Some(0), "{told}");
-    let half = std::fs::read_to_string(folder.path().join("half.html")).unwrap();
+    let half = std::fs::read_to_string(folder.join("half.html")).unwrap();
     assert!(
         half.contains("graph.bin cannot be read: not a graph file"),
         "no word of the graph"
@@ -147,7 +152,11 @@ fn the_report_of_a_run_has_every_part_and_needs_no_other_file() {
         "no word of the trace"
     );
     assert!(!has(&half, "figure", "graph") && has(&half, "figure", "curves"));
+}
 
+/// Without its files a run has a report of messages.
+fn missing_files_are_named(folder: &Path, hash: &str) {
+    let run = folder.join("runs/small");
     std::fs::remove_dir_all(run.join("traces")).unwrap();
     for name in [
         "graph.bin",
@@ -158,9 +167,9 @@ fn the_report_of_a_run_has_every_part_and_needs_no_other_file() {
     ] {
         std::fs::remove_file(run.join(name)).unwrap();
     }
-    let (code, told) = report(folder.path(), &["small", "--out", "bare.html"]);
+    let (code, told) = report(folder, &["small", "--out", "bare.html"]);
     assert_eq!(code, Some(0), "{told}");
-    let bare = std::fs::read_to_string(folder.path().join("bare.html")).unwrap();
+    let bare = std::fs::read_to_string(folder.join("bare.html")).unwrap();
     for id in SECTIONS {
         assert!(has(&bare, "section", id), "no section {id}");
     }
@@ -177,7 +186,7 @@ fn the_report_of_a_run_has_every_part_and_needs_no_other_file() {
         assert!(bare.contains(told), "{told}");
     }
     assert!(!bare.contains("<figure"), "an empty figure");
-    assert!(bare.contains(&hash), "{hash}");
+    assert!(bare.contains(hash), "{hash}");
 }
 
 #[test]

@@ -1,26 +1,16 @@
-//! Everything that can be known to be wrong before a process is started.
+//! Checks of a run before any process is started: its config, its data, and the machine.
+
+mod allowance;
+pub(crate) mod limits;
 
 use std::path::Path;
 
-use ::dataset::Made;
-use agents::{high, low, vae, walker};
 use config::{Config, Kind, Misfit};
+use dataset::Made;
 use maze::Layout;
-use wire::{Limits, Reader};
 
-use crate::allowance;
-
-/// A data set of another maze than the config's.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "{path}: was collected in maze.layout = \"{made}\", the config has \"{wanted}\"; name another \
-     file for this maze, or set maze.layout to the data's"
-)]
-pub(crate) struct OtherMaze {
-    path: String,
-    made: String,
-    wanted: String,
-}
+use crate::fault::Input;
+use limits::limits;
 
 /// Reads the data set of a config, if it is there, and says what is to be said of it.
 ///
@@ -33,13 +23,9 @@ pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
     }
     if let Some(made) = Made::read(path)? {
         if !is_of_maze(&made, config)? {
-            let other = OtherMaze {
-                path: config.dataset.path.clone(),
-                made: made.maze,
-                wanted: config.maze.layout.clone(),
-            };
+            let other = other_maze(&made, config);
             match config.dataset.fit {
-                Misfit::Refuse => return Err(other.into()),
+                Misfit::Refuse => return Err(Input(other).into()),
                 Misfit::Warn => say!("note: {other}"),
             }
         } else if let Some(wanted) = actor::collect::made(config)? {
@@ -48,10 +34,19 @@ pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
             }
         }
     }
-    for note in ::dataset::load_for(config)?.notes {
+    for note in dataset::load_for(config)?.notes {
         say!("note: {note}");
     }
     Ok(())
+}
+
+/// That a data set was collected in another maze than the config's.
+fn other_maze(made: &Made, config: &Config) -> String {
+    format!(
+        "{}: was collected in maze.layout = \"{}\", the config has \"{}\"; name another file for this \
+         maze, or set maze.layout to the data's",
+        config.dataset.path, made.maze, config.maze.layout
+    )
 }
 
 /// Whether a data set was collected in the config's maze, whatever either calls it.
@@ -130,52 +125,6 @@ pub(crate) fn resources(config: &Config) -> anyhow::Result<()> {
     match too_little(config, wire::shared_memory_available()?) {
         Some(message) => anyhow::bail!(message),
         None => Ok(()),
-    }
-}
-
-/// Sizes of the run's channels.
-pub(crate) fn limits(config: &Config) -> Limits {
-    let offline = config.run.kind == Kind::Offline;
-    let dz = config.encoder.latent;
-    let nodes = if config.graph.online {
-        config.graph.max_nodes
-    } else {
-        config.graph.nodes
-    };
-    let weights = if offline {
-        [
-            vae::Shape::new(dz, &config.encoder.hidden).weights(),
-            low::Policy::new(dz, &config.low.hidden).mlp().parameters(),
-            high::Policy::new(dz, nodes, &config.high.hidden).weights(),
-            0,
-        ]
-    } else {
-        [
-            0,
-            0,
-            0,
-            walker::Policy::new(&config.walker.hidden).weights(),
-        ]
-    };
-    Limits {
-        max_actors: config.topology.max_actors,
-        window: config.topology.window,
-        trajectory_steps: if offline {
-            actor::TRAJECTORY_STEPS
-        } else {
-            config.walker.segment + 1
-        },
-        weights,
-        graph_bytes: if offline {
-            graph::max_bytes(nodes, dz)
-        } else {
-            0
-        },
-        readers: if offline {
-            Reader::ALL.to_vec()
-        } else {
-            vec![Reader::Learner]
-        },
     }
 }
 

@@ -29,7 +29,6 @@ pub(crate) fn is_input(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause.is::<Input>()
             || cause.is::<config::Faults>()
-            || cause.is::<crate::dataset::Refused>()
             || matches!(
                 cause.downcast_ref::<DatasetError>(),
                 Some(error) if !matches!(error, DatasetError::Io { .. })
@@ -42,7 +41,6 @@ pub(crate) fn is_input(error: &anyhow::Error) -> bool {
                 cause.downcast_ref::<LoadError>(),
                 Some(error) if !matches!(error, LoadError::Dataset(DatasetError::Io { .. }))
             )
-            || cause.is::<crate::check::OtherMaze>()
             || cause.is::<graph::Unusable>()
             || cause.is::<KMeansError>()
             || cause.is::<learner::Diverged>()

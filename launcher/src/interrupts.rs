@@ -6,21 +6,18 @@ use std::sync::Arc;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP, SIGXFSZ};
 use signal_hook::iterator::Signals;
 
 /// Counts SIGINT, SIGTERM and SIGHUP: the first asks for an end, a second one for haste.
 pub(crate) struct Interrupts(Arc<AtomicUsize>);
 
 impl Interrupts {
-    /// Exit code of a command that they ended.
-    pub(crate) const EXIT: u8 = 130;
-
     /// Listens from now on; the process no longer ends by these signals alone.
     pub(crate) fn listen() -> io::Result<Self> {
         let count = Arc::new(AtomicUsize::new(0));
         let counted = Arc::clone(&count);
-        let mut signals = Signals::new(heeded(&[SIGINT, SIGTERM, SIGHUP]))?;
+        let mut signals = Signals::new(not_ignored(&[SIGINT, SIGTERM, SIGHUP]))?;
         std::thread::Builder::new()
             .name("signals".to_owned())
             .spawn(move || {
@@ -44,7 +41,7 @@ impl Stops {
     /// Listens from now on.
     pub(crate) fn listen() -> io::Result<Self> {
         let asked = Arc::new(AtomicBool::new(false));
-        for signal in heeded(&[SIGTSTP]) {
+        for signal in not_ignored(&[SIGTSTP]) {
             signal_hook::flag::register(signal, Arc::clone(&asked))?;
         }
         Ok(Self(asked))
@@ -61,17 +58,23 @@ impl Stops {
     }
 }
 
+/// Makes writing beyond `ulimit -f` an error, as on a full disk. By default the signal ends the process.
+pub(crate) fn outlive_small_files() -> io::Result<()> {
+    let unread = Arc::new(AtomicBool::new(false));
+    signal_hook::flag::register(SIGXFSZ, unread).map(|_| ())
+}
+
 /// Those of the signals that were not ignored when the process began. Whoever had them ignored,
 /// `nohup` or a shell that starts a job in the background, wants it to stay like that.
-pub(crate) fn heeded(signals: &[c_int]) -> Vec<c_int> {
+pub(crate) fn not_ignored(signals: &[c_int]) -> Vec<c_int> {
     // Once: which signals are ignored is asked of before and after handlers are there.
     static IGNORED: OnceLock<u64> = OnceLock::new();
     let ignored = *IGNORED.get_or_init(|| {
         let status = std::fs::read_to_string("/proc/self/status");
         status.map_or(0, |status| ignored(&status))
     });
-    let heeded = |signal: &c_int| ignored & (1 << (signal - 1)) == 0;
-    signals.iter().copied().filter(heeded).collect()
+    let is_kept = |signal: &c_int| ignored & (1 << (signal - 1)) == 0;
+    signals.iter().copied().filter(is_kept).collect()
 }
 
 /// A bit for each signal that is ignored, the first for signal 1, by a process's `status`.
@@ -94,6 +97,6 @@ mod tests {
         assert_eq!(ignored("SigIgn:\tzz\n"), 0);
         // Rust's runtime ignores SIGPIPE in every program.
         let pipe = signal_hook::consts::SIGPIPE;
-        assert_eq!(heeded(&[pipe, SIGTERM]), [SIGTERM]);
+        assert_eq!(not_ignored(&[pipe, SIGTERM]), [SIGTERM]);
     }
 }

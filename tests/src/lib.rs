@@ -281,3 +281,52 @@ pub fn one_at_a_time() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+/// Waits for the end of a run: with a score, without lost transitions, and with nothing left in shared
+/// memory. Returns its output.
+///
+/// # Panics
+/// If the run ends otherwise.
+pub fn ends_well(folder: &Path, launcher: Child, deadline: Duration) -> String {
+    let (code, told) = finished(launcher, deadline);
+    assert_eq!(code, Some(0), "{told}");
+    assert!(told.contains("normalized score"), "{told}");
+    assert!(
+        told.contains("received by the learner (0 lost, 0 refused)"),
+        "{told}"
+    );
+    assert!(
+        told.contains("received by the graph-builder (0 lost, 0 refused)"),
+        "{told}"
+    );
+    assert_eq!(
+        shared_memory(&folder.join("runs/small")),
+        Vec::<String>::new()
+    );
+    told
+}
+
+/// Sums over all processes of a launcher: resident memory (bytes), open descriptors, and the size of the
+/// run's files in shared memory.
+#[must_use]
+pub fn footprint(launcher: &Child, id: &str) -> [u64; 3] {
+    let mut sums = [0; 3];
+    let mut family = children(launcher);
+    family.push(launcher.id());
+    for pid in family {
+        let pages = std::fs::read_to_string(format!("/proc/{pid}/statm")).unwrap_or_default();
+        let pages = pages
+            .split(' ')
+            .nth(1)
+            .and_then(|pages| pages.parse::<u64>().ok());
+        sums[0] += pages.unwrap_or(0) * rustix::param::page_size() as u64;
+        let open = std::fs::read_dir(format!("/proc/{pid}/fd"))
+            .into_iter()
+            .flatten();
+        sums[1] += open.count() as u64;
+    }
+    let sizes = shared_memory_of(id);
+    let size = |name: &String| std::fs::metadata(format!("/dev/shm/{name}")).map_or(0, |f| f.len());
+    sums[2] = sizes.iter().map(size).sum();
+    sums
+}

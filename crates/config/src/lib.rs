@@ -13,13 +13,13 @@ mod resume;
 mod run_file;
 mod sections;
 mod syntax;
+mod table;
 mod text;
 mod value;
 
-use std::path::Path;
-
 pub use fault::{Fault, Faults};
-pub use reader::{Document, Table};
+pub use paths::Paths;
+pub use reader::Document;
 pub use registry::{Registry, Settings};
 pub use resume::{Change, Key, OnResume};
 pub use run_file::Reader;
@@ -27,15 +27,7 @@ pub use sections::{
     Collect, Config, Dataset, Evaluation, Maze, Misfit, OnFault, Rollouts, Run, Supervision,
     Topology, Traces,
 };
-
-/// How the paths in a run file are taken.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Paths<'b> {
-    /// Where relative ones begin; the present folder without.
-    pub base: Option<&'b Path>,
-    /// Whether files that they name need not be there.
-    pub lenient: bool,
-}
+pub use table::Table;
 
 impl Config {
     /// The whole file with every default written out and every path absolute; reading it gives this

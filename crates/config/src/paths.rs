@@ -5,6 +5,15 @@ use std::path::{Path, PathBuf};
 
 use crate::fault::shown;
 
+/// How the paths in a run file are read.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Paths<'b> {
+    /// Base of relative paths; by default the working directory.
+    pub base: Option<&'b Path>,
+    /// Whether the files may be missing.
+    pub lenient: bool,
+}
+
 /// Fills in `~`, `$NAME` and `${NAME}`; `$$` is a dollar sign.
 ///
 /// # Errors

@@ -4,11 +4,12 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use crate::fault::{Fault, Faults};
+use crate::paths::Paths;
 use crate::reader::Document;
 use crate::registry::Registry;
 use crate::resume::Key;
 use crate::sections::Config;
-use crate::{Paths, read, syntax, text};
+use crate::{read, syntax, text};
 
 /// Reads run files: their tables are the project's, and those that the chosen algorithm names.
 pub struct Reader {

@@ -4,6 +4,7 @@ mod elsewhere;
 mod filters;
 mod links;
 mod number;
+mod options;
 #[cfg(test)]
 mod tests;
 mod told;
@@ -16,17 +17,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use hdf5_reader::error::Error;
 use hdf5_reader::group::Group;
-use hdf5_reader::{Dataset as Array, FilesystemExternalFileResolver, Hdf5File, OpenOptions};
+use hdf5_reader::{Dataset as Array, FilesystemExternalFileResolver, Hdf5File};
 
 use crate::DatasetError;
 use elsewhere::Elsewhere;
 use links::{Link, Target};
+use options::{INFLATION, options};
 use told::{root_cause, told};
 pub(crate) use values::zeros;
-
-/// No deflated byte stands for more than 1032 bytes (zlib's technical notes), so no sound file
-/// holds more bytes than this for each of its own.
-const INFLATION: u64 = 1032;
 
 /// Names of a folder that an error tells at most.
 const NAMES: usize = 12;
@@ -74,16 +72,6 @@ pub(crate) struct Folder {
     /// Its path within the file, with a `/` at the end; empty for the root.
     pub(crate) prefix: String,
     group: Group,
-}
-
-/// What a file is opened with that has so many bytes.
-fn options(length: u64) -> OpenOptions {
-    let most = usize::try_from(length.saturating_mul(INFLATION)).unwrap_or(usize::MAX);
-    OpenOptions::default()
-        .with_filter_registry(filters::registry())
-        // Each chunk is read once.
-        .with_chunk_cache_bytes(0)
-        .with_max_chunk_bytes(most.max(1 << 20))
 }
 
 impl<'p> Reader<'p> {

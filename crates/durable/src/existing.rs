@@ -5,8 +5,6 @@ use std::io;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-use crate::output::{Output, OutputError};
-
 /// Folders of an input that are looked into, one in the other, at most.
 const DEEP: usize = 3;
 
@@ -60,11 +58,10 @@ impl Inputs {
         Self(inputs.iter().map(parts).collect())
     }
 
-    /// Refuses an output that is an input by any name, a part of one, or a folder around one.
-    pub(crate) fn refuse(&self, output: &Output) -> Result<(), OutputError> {
-        let Ok(there) = fs::metadata(&output.target) else {
-            return Ok(());
-        };
+    /// The input that an output would replace: the same file by any name, a part of the input, or a
+    /// folder around it.
+    pub(crate) fn replaced_by(&self, output: &Path) -> Option<&Path> {
+        let there = fs::metadata(output).ok()?;
         let this = (there.dev(), there.ino());
         let around = |input: &Path| {
             let input = fs::canonicalize(input).unwrap_or_default();
@@ -73,17 +70,9 @@ impl Inputs {
                     .ancestors()
                     .any(|folder| fs::metadata(folder).is_ok_and(|at| (at.dev(), at.ino()) == this))
         };
-        match self
-            .0
-            .iter()
-            .find(|(input, parts)| parts.contains(&this) || around(input))
-        {
-            None => Ok(()),
-            Some((input, _)) => Err(OutputError::Input {
-                path: output.path.clone(),
-                input: input.clone(),
-            }),
-        }
+        let mut inputs = self.0.iter();
+        let found = inputs.find(|(input, parts)| parts.contains(&this) || around(input));
+        found.map(|(input, _)| input.as_path())
     }
 }
 

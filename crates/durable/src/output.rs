@@ -139,7 +139,12 @@ impl Output {
             existing,
             holds,
         };
-        Inputs::of(inputs).refuse(&output)?;
+        if let Some(input) = Inputs::of(inputs).replaced_by(&output.target) {
+            return Err(OutputError::Input {
+                input: input.to_path_buf(),
+                path: output.path,
+            });
+        }
         output.look()?;
         output.writable()?;
         Ok(output)

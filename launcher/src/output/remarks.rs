@@ -5,13 +5,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use log::{Level, LevelFilter, Log, Metadata, Record};
+use plot::clock::stamp;
 
 use super::put;
 use super::stream::Stream;
-use crate::clock::stamp;
 
 /// Crates of formica, of which all is told (iceoryx2 has a level of its own); of others, warnings.
-const OWN: [&str; 13] = [
+const OWN: [&str; 16] = [
     "formica",
     "actor",
     "agents",
@@ -23,6 +23,9 @@ const OWN: [&str; 13] = [
     "learner",
     "maze",
     "nets",
+    "plot",
+    "report",
+    "runs",
     "trace",
     "wire",
 ];

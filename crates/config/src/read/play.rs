@@ -1,6 +1,6 @@
 //! What is played with what was trained: `[rollouts]`, `[evaluation]`, `[traces]`.
 
-use crate::read::optional_table;
+use crate::read::optional::optional_table;
 use crate::reader::Document;
 use crate::resume::OnResume::{self, Free, Protocol};
 use crate::sections::{Evaluation, Rollouts, Traces};

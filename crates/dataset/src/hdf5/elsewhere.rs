@@ -10,6 +10,8 @@ use hdf5_reader::error::{Error, Result};
 use hdf5_reader::storage::FileStorage;
 use hdf5_reader::{ExternalLinkResolver, Hdf5File};
 
+use super::options::options;
+
 /// What errors begin with.
 pub(super) const LINK: &str = "is a link";
 
@@ -56,7 +58,7 @@ impl Elsewhere {
         let file = File::open(&path).map_err(|error| told(&error))?;
         let storage = FileStorage::from_file(file)?;
         let length = hdf5_reader::Storage::len(&storage);
-        let options = super::options(length);
+        let options = options(length);
         let file = Hdf5File::from_storage_with_options(Arc::new(storage), options)
             .map_err(|error| told(&error))?;
         self.length.fetch_add(length, Ordering::Relaxed);

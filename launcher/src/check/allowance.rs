@@ -1,0 +1,92 @@
+//! What the system lets a user have, held against what a run starts.
+
+use std::path::{Path, PathBuf};
+
+use config::Config;
+use rustix::process::{Resource, getrlimit, getuid};
+
+use super::limits::limits;
+
+/// Threads of the launcher, and of each process that it starts: two or three when all is calm.
+const THREADS: u64 = 4;
+
+/// Raises what this process may have to what the run needs; an error names the limit that is too
+/// low and how it is raised, or the place where channels cannot lie.
+pub(crate) fn check(config: &Config) -> anyhow::Result<()> {
+    wire::sockets_available()?;
+    limits(config).allow()?;
+    let needed = THREADS * (config.topology.actors as u64 + 3);
+    // The kernel holds no limit of a user against root.
+    let limit = getrlimit(Resource::Nproc)
+        .current
+        .filter(|_| !getuid().is_root());
+    if let Some(limit) = limit {
+        let had = tasks_of(getuid().as_raw());
+        anyhow::ensure!(
+            had + needed <= limit,
+            "this user may have {limit} processes and threads and has {had}, and the run starts \
+             about {needed}; raise the limit with `ulimit -u {}`, or end others",
+            had + needed
+        );
+    }
+    if let Some((limit, had, path)) = own_group() {
+        anyhow::ensure!(
+            had + needed <= limit,
+            "this container or service may have {limit} processes and threads and has {had}, and the \
+             run starts about {needed}; raise {}, docker by --pids-limit, systemd by TasksMax",
+            path.display()
+        );
+    }
+    Ok(())
+}
+
+/// Processes and threads of a user that are seen from here.
+fn tasks_of(user: u32) -> u64 {
+    let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    let threads = |entry: std::fs::DirEntry| {
+        let status = std::fs::read_to_string(entry.path().join("status")).ok()?;
+        threads_of(&status, user)
+    };
+    processes.filter_map(threads).sum()
+}
+
+/// Threads of a process by its status, where it is this user's.
+fn threads_of(status: &str, user: u32) -> Option<u64> {
+    let value = |key: &str| {
+        let mut lines = status.lines();
+        lines.find_map(|line| line.strip_prefix(key)?.split_whitespace().next())
+    };
+    let own = value("Uid:")?.parse() == Ok(user);
+    own.then(|| value("Threads:")?.parse().ok()).flatten()
+}
+
+/// Limit and number of tasks in the control group of this process, and the file of the limit. What
+/// stands above it in the tree of groups is not seen from within.
+fn own_group() -> Option<(u64, u64, PathBuf)> {
+    let groups = std::fs::read_to_string("/proc/self/cgroup").ok()?;
+    let own = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
+    let folder = Path::new("/sys/fs/cgroup").join(own);
+    let number = |name: &str| {
+        let text = std::fs::read_to_string(folder.join(name)).ok()?;
+        text.trim().parse().ok()
+    };
+    Some((
+        number("pids.max")?,
+        number("pids.current")?,
+        folder.join("pids.max"),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_are_counted_of_ones_own_processes_alone() {
+        let status = "Name:\tx\nUid:\t1000\t0\t0\t0\nThreads:\t7\n";
+        assert_eq!(threads_of(status, 1000), Some(7));
+        assert_eq!(threads_of(status, 0), None);
+        assert_eq!(threads_of("", 0), None);
+        assert!(tasks_of(getuid().as_raw()) >= 2, "this test's own");
+    }
+}

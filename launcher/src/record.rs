@@ -1,0 +1,6 @@
+//! What a run records: metrics, throughput, score.
+
+pub(crate) mod metrics;
+pub(crate) mod score;
+mod tensorboard;
+pub(crate) mod throughput;
