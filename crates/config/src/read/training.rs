@@ -14,6 +14,11 @@ pub(super) fn encoder(d: &mut Document<'_>, wanted: bool) -> Encoder {
                 t.fault("latent", "kind = \"place\" goes with latent = 2");
             }
             encoder.hidden.clear();
+        } else if encoder.null_condition == 0.0 {
+            // The graph is made of codes that are taken with the null token.
+            let message = "0 leaves the null token untrained, and all codes are taken with it; set \
+                           it above 0, as to the default 0.5";
+            t.fault("null_condition", message);
         }
         encoder
     })
