@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use config::{Config, Latent, Misfit};
 use maze::{CELL_SIZE, Layout, LayoutError};
 
-use super::{Expect, Number, Share, Unfit, check, suffices};
+use super::{Body, Expect, Number, Share, Unfit, check, suffices};
 use crate::{Dataset, DatasetError, Opened, open_with};
 
 /// Data, and what there is to say of them.
@@ -69,6 +69,8 @@ fn prepare(
         ("encoder.lag", if trained { encoder.lag } else { 0 }),
     ];
     let expect = Expect {
+        // No key names another one.
+        body: Body::Ant,
         maze: &config.maze.layout,
         layout,
         lags: &lags,
@@ -85,14 +87,11 @@ fn prepare(
     };
     let mut fit = check(&data, &expect);
     let mut notes = std::mem::take(&mut fit.notes);
-    match config.dataset.fit {
-        Misfit::Refuse => {
-            if let Some(unfit) = fit.faults.drain(..).next() {
-                return Err(refuse(unfit));
-            }
-        }
-        Misfit::Warn => notes.extend(fit.faults.iter().map(ToString::to_string)),
+    let refused = |unfit: &Unfit| config.dataset.fit == Misfit::Refuse || !unfit.can_be_waived();
+    if let Some(at) = fit.faults.iter().position(refused) {
+        return Err(refuse(fit.faults.swap_remove(at)));
     }
+    notes.extend(fit.faults.iter().map(ToString::to_string));
     let whole = fit.apply(layout, data);
     suffices(&whole, &expect).map_err(refuse)?;
     let left_out = |place| config.dataset.leaves_out(layout.cell_at(place));
