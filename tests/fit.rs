@@ -6,8 +6,12 @@
 use std::path::Path;
 use std::time::Duration;
 
-use dataset::{ACTION, Dataset, OBSERVATION, d4rl};
+use dataset::{Dataset, Shape, d4rl};
 use system_tests::{SMALL, finished, formica, one_at_a_time, piped, text};
+
+/// Widths of the ant.
+const OBSERVATION: usize = 29;
+const ACTION: usize = 8;
 
 /// Walks to and fro along the umaze, 0.2 m a step, in the frame of the map.
 fn walks(episodes: usize) -> Dataset {
@@ -21,9 +25,8 @@ fn walks(episodes: usize) -> Dataset {
             }
         })
         .collect();
-    let mut data = Dataset::default();
+    let mut data = Dataset::new(Shape::ant());
     for number in 0..episodes {
-        let start = data.len();
         let mut way = way.clone();
         if number % 2 == 1 {
             way.reverse();
@@ -43,7 +46,7 @@ fn walks(episodes: usize) -> Dataset {
             data.rewards.push(0.0);
             data.terminals.push(false);
         }
-        data.episodes.push(start..data.len());
+        data.end_episode();
     }
     data
 }

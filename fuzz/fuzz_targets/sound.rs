@@ -2,8 +2,10 @@
 fn sound(data: &dataset::Dataset) {
     let n = data.len();
     assert!(n > 0, "no row");
-    assert_eq!(data.observations.len(), n * dataset::OBSERVATION);
-    assert_eq!(data.actions.len(), n * dataset::ACTION);
+    let values = data.observations.len() + data.images.len();
+    assert_eq!(values, n * data.shape().observation());
+    assert!(data.images.is_empty() || data.image_places.len() == n);
+    assert_eq!(data.actions.len(), n * data.shape().action());
     assert_eq!(data.terminals.len(), n);
     assert!(data.goals.is_empty() || data.goals.len() == n);
     let mut end = 0;

@@ -1,24 +1,23 @@
 //! The learner: data set and rollouts in, weights and checkpoints out.
 //!
 //! Channels are the main thread's alone; it never computes for long, so that trajectories are
-//! acknowledged and late joiners served at once. Each network is trained on a thread of its own
-//! and reports over an in-process channel.
+//! acknowledged and late joiners served at once. Each stage of the algorithm is trained on a thread of
+//! its own and reports over an in-process channel.
 
-mod choices;
-mod encoder;
-mod high;
-mod low;
-mod offline;
+mod commands;
+mod main_loop;
+mod policy_lag;
 mod save;
-mod walk;
+mod stage;
+mod stages;
 
-pub use offline::Diverged;
+pub use main_loop::Diverged;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
-use config::{Config, Kind};
+use anyhow::Context;
 use wire::{Bus, RunDomain};
 
 /// What the learner is told.
@@ -38,13 +37,9 @@ pub struct Args {
 /// A run that is not there, a channel that cannot be used, a config or data set that cannot be
 /// read.
 pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
-    let config = Config::of_run(&args.folder)?;
+    let config = agents::CONFIGS.of_run(&args.folder)?;
+    let plan = agents::plan(&config).context("the config's algorithm is unknown")?;
     let domain = RunDomain::open(&args.domain)?;
     let bus = Bus::join(&domain, "learner")?;
-    match config.run.kind {
-        Kind::Walker => walk::run(&config, &args.folder, &bus, &|| {
-            stop.load(Ordering::Relaxed)
-        }),
-        Kind::Offline => offline::run(&config, &args.folder, &bus, stop),
-    }
+    main_loop::run(&config, &*plan, &args.folder, &bus, stop)
 }

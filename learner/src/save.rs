@@ -4,35 +4,44 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use agents::Checkpoint;
 use anyhow::Context;
 use config::Config;
 use durable::{Stamp, States};
-use nets::file::{self, ParameterFile};
+use nets::file;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Saves one module's flat weights with what they belong to.
-pub(crate) fn module(
+/// Saves a network's weights in a run's folder.
+pub(crate) fn checkpoint(
     folder: &Path,
     name: &str,
     config: &Config,
     version: u64,
-    weights: &[f32],
+    checkpoint: &Checkpoint<'_>,
 ) -> anyhow::Result<()> {
-    let metadata = BTreeMap::from([
+    let path = folder
+        .join("checkpoints")
+        .join(format!("{name}.safetensors"));
+    write(&path, name, config, version, checkpoint)
+}
+
+/// Writes a network's weights with what they belong to.
+pub(crate) fn write(
+    path: &Path,
+    name: &str,
+    config: &Config,
+    version: u64,
+    checkpoint: &Checkpoint<'_>,
+) -> anyhow::Result<()> {
+    let mut metadata = BTreeMap::from([
         ("kind".to_owned(), format!("formica {name}")),
         ("version".to_owned(), version.to_string()),
         ("config".to_owned(), config.hash()),
     ]);
-    let path = folder
-        .join("checkpoints")
-        .join(format!("{name}.safetensors"));
-    file::save(
-        &path,
-        &[("weights".to_owned(), vec![weights.len()], weights)],
-        &metadata,
-    )?;
-    Ok(())
+    metadata.extend(checkpoint.metadata.iter().cloned());
+    let saved = file::save(path, &checkpoint.tensors, &metadata);
+    saved.with_context(|| format!("writing {}", path.display()))
 }
 
 /// Keeps the states of a stage's training.
@@ -83,26 +92,30 @@ impl Keeper {
     }
 }
 
-/// Reads what [`module`] saved, of a network with so many parameters.
-pub(crate) fn load(path: &Path, parameters: usize) -> anyhow::Result<Vec<f32>> {
-    let told = || path.display().to_string();
-    let file = ParameterFile::load(path).with_context(told)?;
-    file.tensor("weights", &[parameters]).with_context(told)
-}
-
 #[cfg(test)]
 mod tests {
+    use nets::file::ParameterFile;
+
     use super::*;
 
     #[test]
-    fn weights_come_back_and_those_of_another_shape_do_not() {
+    fn weights_come_back_with_what_they_belong_to() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("checkpoints")).unwrap();
         let text = "[dataset]\npath = \"x.hdf5\"\n[collect]\n";
-        let config = Config::parse(text, "x.toml", "x", &[]).unwrap();
-        module(folder.path(), "low", &config, 3, &[0.5, -1.0]).unwrap();
+        let config = agents::CONFIGS.parse(text, "x.toml", "x", &[]).unwrap();
+        let weights = [0.5, -1.0];
+        let saved = Checkpoint {
+            tensors: vec![("weights".to_owned(), vec![2], &weights)],
+            metadata: vec![("hidden".to_owned(), "4".to_owned())],
+            copy: None,
+        };
+        checkpoint(folder.path(), "low", &config, 3, &saved).unwrap();
         let path = folder.path().join("checkpoints/low.safetensors");
-        assert_eq!(load(&path, 2).unwrap(), [0.5, -1.0]);
-        assert!(load(&path, 3).is_err());
+        let file = ParameterFile::load(&path).unwrap();
+        assert_eq!(file.tensor("weights", &[2]).unwrap(), weights);
+        let metadata = file.metadata();
+        assert_eq!((&*metadata["version"], &*metadata["hidden"]), ("3", "4"));
+        assert_eq!(metadata["config"], config.hash());
     }
 }

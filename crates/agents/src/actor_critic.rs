@@ -313,7 +313,8 @@ mod tests {
     use rand_pcg::Pcg64Mcg;
 
     use super::*;
-    use crate::{high, walker};
+    use crate::lg_h_ppo::high;
+    use crate::walker;
 
     const INPUTS: usize = 5;
     const SAMPLES: usize = 12;

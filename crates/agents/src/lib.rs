@@ -33,9 +33,7 @@ pub use parts::{GRAPH, PARTS, Parts, Versions, Weights};
 pub use policy::{Act, Choosing, Mode, Outcome, Policy};
 pub use registry::{ALGORITHMS, CONFIGS, body, find, plan};
 pub use rollout::{Rollout, push_record};
-pub use stage::{
-    Inputs, Metrics, Progress, Publication, Stage, StageError, StageSpec,
-};
+pub use stage::{Inputs, Metrics, Progress, Publication, Stage, StageError, StageSpec};
 pub use stream::stream;
 pub use summary::{Label, Lookup, Summary};
 

@@ -38,7 +38,10 @@ struct Names;
 
 impl Registry for Names {
     fn algorithms(&self) -> Vec<&'static str> {
-        ALGORITHMS.iter().map(|algorithm| algorithm.name()).collect()
+        ALGORITHMS
+            .iter()
+            .map(|algorithm| algorithm.name())
+            .collect()
     }
 
     fn simulators(&self) -> Vec<&'static str> {
@@ -86,14 +89,20 @@ mod tests {
                 assert!(stage.after.iter().all(|number| *number < networks.len()));
                 assert!(!stage.needs_graph || plan.graph().is_some());
             }
-            assert!(plan.on_policy().is_none_or(|number| number < networks.len()));
+            assert!(
+                plan.on_policy()
+                    .is_none_or(|number| number < networks.len())
+            );
             assert_eq!(plan.needs().is_some(), algorithm.is_offline());
         }
     }
 
     #[test]
     fn names_are_those_of_one_algorithm_each() {
-        let names: BTreeSet<&str> = ALGORITHMS.iter().map(|algorithm| algorithm.name()).collect();
+        let names: BTreeSet<&str> = ALGORITHMS
+            .iter()
+            .map(|algorithm| algorithm.name())
+            .collect();
         assert_eq!(names.len(), ALGORITHMS.len());
         assert!(find("no-such").is_none());
     }

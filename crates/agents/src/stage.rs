@@ -11,8 +11,10 @@ use crate::rollout::Rollout;
 /// What a stage is, and what it needs to begin.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StageSpec {
-    /// Its name: of its checkpoint, its metrics and its time.
+    /// Its name, which is its checkpoint's.
     pub name: &'static str,
+    /// The metric of its time (s).
+    pub time: &'static str,
     /// Networks, by number, whose weights must be there.
     pub after: Vec<usize>,
     /// Whether a graph must be there.

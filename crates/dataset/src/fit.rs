@@ -1,9 +1,10 @@
-//! Whether data that are whole fit a run: its maze, its ant, its lags.
+//! Whether data that are whole fit a run: its body, its maze, its lags.
 //!
-//! What is looked at is what the ant's physics and the maze leave no doubt about: a torso is in no
-//! wall, a quaternion has norm 1, places change as velocities say. Frames of reference of other
-//! public data sets are recognised and converted.
+//! What is looked at is what the body's physics and the maze leave no doubt about: no body is in a
+//! wall, none jumps, actions have bounds; an ant's quaternion has norm 1, and its places change as
+//! its velocities say. Frames of reference of other public data sets are recognised and converted.
 
+mod body;
 mod columns;
 mod frame;
 mod load;
@@ -15,6 +16,7 @@ mod unfit;
 use maze::Layout;
 
 use crate::Dataset;
+pub use body::Body;
 pub use frame::{Conversion, Frame};
 pub use load::{LoadError, Loaded, Needs, load_for};
 pub use unfit::{Number, Share, Unfit};
@@ -22,6 +24,8 @@ pub use unfit::{Number, Share, Unfit};
 /// What a run wants of its data.
 #[derive(Debug, Clone)]
 pub struct Expect<'a> {
+    /// The body of the simulator.
+    pub body: Body,
     /// The maze's name, for messages.
     pub maze: &'a str,
     /// Its map.
@@ -50,8 +54,14 @@ pub struct Fit {
 #[must_use]
 pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
     let mut fit = Fit::default();
-    // Columns in another order make all else meaningless.
-    if let Err(fault) = columns::observations(data) {
+    // Rows of another width have other columns, and columns in another order make all else
+    // meaningless.
+    if let Err(fault) = shape(data, expect.body) {
+        fit.faults.push(fault);
+        return fit;
+    }
+    let ant = expect.body == Body::Ant;
+    if ant && let Err(fault) = columns::observations(data) {
         fit.faults.push(fault);
     }
     match places::judge(data, expect.maze, expect.layout) {
@@ -67,12 +77,13 @@ pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
     if let Err(fault) = columns::actions(data) {
         fit.faults.push(fault);
     }
-    match motion::jumps(data, expect.layout, fit.conversion.frame) {
+    match motion::jumps(data, expect, fit.conversion.frame) {
         Ok(jumps) => {
             if let Some(first) = jumps.first() {
                 fit.notes.push(format!(
-                    "the torso jumps by more than {} m in {} steps that end no episode (first after \
-                     row {first}); episodes are cut there",
+                    "the {} jumps by more than {} m in {} steps that end no episode (first after row \
+                     {first}); episodes are cut there",
+                    expect.body,
                     Number(motion::MOST_STEP),
                     jumps.len(),
                 ));
@@ -80,6 +91,9 @@ pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
             fit.cuts = jumps;
         }
         Err(fault) => fit.faults.push(fault),
+    }
+    if !ant {
+        return fit;
     }
     match motion::velocities(data, fit.conversion.frame) {
         Ok(velocities) => {
@@ -95,6 +109,22 @@ pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
         Err(fault) => fit.faults.push(fault),
     }
     fit
+}
+
+/// Whether rows have the widths of a body's.
+fn shape(data: &Dataset, body: Body) -> Result<(), Unfit> {
+    let wanted = body.shape();
+    if *data.shape() == wanted {
+        return Ok(());
+    }
+    Err(Unfit::Shape {
+        found: data.shape().clone(),
+        body,
+        instead: match Body::of(data.shape()) {
+            Some(other) => format!("they are those of the simulator '{other}'"),
+            None => "no simulator has such rows".to_owned(),
+        },
+    })
 }
 
 impl Fit {
@@ -123,7 +153,7 @@ impl Fit {
 /// Whether there is anything to learn from: to be asked of data as the run has them.
 ///
 /// # Errors
-/// Episodes that are all too short, or an ant that is under way in too few rows.
+/// Episodes that are all too short, or a body that is under way in too few rows.
 pub fn suffices(data: &Dataset, expect: &Expect<'_>) -> Result<(), Unfit> {
     let longest = data.episodes.iter().map(ExactSizeIterator::len).max();
     let longest = longest.unwrap_or(0);
@@ -144,6 +174,7 @@ pub fn suffices(data: &Dataset, expect: &Expect<'_>) -> Result<(), Unfit> {
     let moving = motion::moving(data, expect.nodes);
     if moving < expect.nodes {
         return Err(Unfit::Still {
+            body: expect.body,
             moving,
             rows: data.len(),
             nodes: expect.nodes,

@@ -135,7 +135,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{ACTION, made};
+    use crate::{Shape, made};
 
     const ALL: [(Format, &str); 3] = [
         (Format::D4rl, "d.hdf5"),
@@ -194,9 +194,15 @@ mod tests {
         fn formats_keep_what_they_hold(
             lengths in prop::collection::vec(1_usize..9, 1..12),
             goals in any::<bool>(),
+            shape in prop::sample::select(vec![
+                Shape::ant(),
+                Shape::vectors(4, 2),
+                Shape::vectors(2, 1),
+                Shape::images(&[4, 6, 3], 8),
+            ]),
             way in Just(ALL.to_vec()).prop_shuffle(),
         ) {
-            let mut data = made::varied(&lengths);
+            let mut data = made::of(&shape, &lengths);
             if !goals {
                 data.goals.clear();
             }
@@ -211,12 +217,16 @@ mod tests {
                 made::sound(&read);
                 minari |= format == Format::Minari;
                 ogbench |= format == Format::Ogbench;
+                prop_assert_eq!(read.shape(), &shape);
                 prop_assert_eq!(&read.observations, &wanted.observations);
+                prop_assert_eq!(&read.images, &wanted.images);
+                prop_assert_eq!(&read.image_places, &wanted.image_places);
                 prop_assert_eq!(&read.episodes, &wanted.episodes);
                 for row in 0..read.len() {
                     // Minari has no action, reward and terminal in an episode's last row.
                     let kept = !minari || wanted.steps_left(row) > 0;
-                    let action = if kept { wanted.action(row) } else { &[0.0; ACTION] };
+                    let none = vec![0.0; shape.action()];
+                    let action = if kept { wanted.action(row) } else { &none };
                     prop_assert_eq!(read.action(row), action);
                     let (reward, terminal) = (wanted.rewards[row], wanted.terminals[row]);
                     let told = (read.rewards[row], read.terminals[row]);

@@ -17,14 +17,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use hdf5_reader::error::Error;
 use hdf5_reader::group::Group;
-use hdf5_reader::{Dataset as Array, FilesystemExternalFileResolver, Hdf5File};
+use hdf5_reader::{Dataset as Array, Datatype, FilesystemExternalFileResolver, Hdf5File};
 
 use crate::DatasetError;
 use elsewhere::Elsewhere;
 use links::{Link, Target};
 use options::{INFLATION, options};
 use told::{root_cause, told};
-pub(crate) use values::zeros;
+pub(crate) use values::{Value, zeros};
 
 /// Names of a folder that an error tells at most.
 const NAMES: usize = 12;
@@ -55,6 +55,27 @@ pub(crate) enum Width {
     AtLeast(usize),
 }
 
+impl Width {
+    pub(crate) fn fits(self, width: usize) -> bool {
+        match self {
+            Self::Exactly(wanted) => width == wanted,
+            Self::AtLeast(least) => width >= least,
+        }
+    }
+
+    /// The shape that is wanted, for errors; a width that was found and fits stays.
+    pub(crate) fn expected(self, rows: Option<usize>, found: Option<usize>) -> String {
+        let rows = rows.map_or("n".to_owned(), |rows| rows.to_string());
+        match (self, found) {
+            (Self::Exactly(1), _) => format!("[{rows}]"),
+            (Self::Exactly(width), _) | (Self::AtLeast(_), Some(width)) => {
+                format!("[{rows}, {width}]")
+            }
+            (Self::AtLeast(least), None) => format!("[{rows}, {least} or more]"),
+        }
+    }
+}
+
 /// A key whose shape is that of the layout.
 pub(crate) struct Key {
     name: String,
@@ -65,6 +86,26 @@ pub(crate) struct Key {
     pub(crate) rows: usize,
     /// Values of a row.
     pub(crate) width: usize,
+}
+
+impl Key {
+    /// Sides of a row's image; none where a row is no image of bytes.
+    pub(crate) fn image(&self) -> Option<Vec<usize>> {
+        let byte = |kind: &Datatype| {
+            matches!(
+                kind,
+                Datatype::FixedPoint {
+                    size: 1,
+                    signed: false,
+                    ..
+                }
+            )
+        };
+        let sides = self.array.shape().get(1..).unwrap_or_default();
+        // Both are products of a width that was looked at.
+        let sides: Vec<usize> = sides.iter().map(|side| *side as usize).collect();
+        (sides.len() > 1 && byte(self.array.dtype())).then_some(sides)
+    }
 }
 
 /// A folder of keys within the file.
@@ -289,25 +330,16 @@ impl<'p> Reader<'p> {
             .skip(1)
             .try_fold(1_u64, |all, side| all.checked_mul(*side));
         let found = shape.first().copied().unwrap_or(0);
-        let columns = columns.filter(|columns| match width {
-            // Without rows there are no values, whatever the columns: Minari's episodes of no step.
-            Width::Exactly(_) if found == 0 => true,
-            Width::Exactly(width) => *columns == width as u64,
-            Width::AtLeast(width) => shape.len() == 2 && *columns >= width as u64,
-        });
         let columns = columns.and_then(|columns| usize::try_from(columns).ok());
+        // Without rows there are no values, whatever the columns: Minari's episodes of no step.
+        let columns = columns.filter(|columns| found == 0 || width.fits(*columns));
         let fits = !shape.is_empty() && rows.is_none_or(|rows| rows as u64 == found);
         let Some(columns) = columns.filter(|_| fits) else {
-            let rows = rows.map_or("n".to_owned(), |rows| rows.to_string());
             return Err(DatasetError::Shape {
                 path: self.path.to_path_buf(),
                 key: name,
                 got: shape.to_vec(),
-                expected: match width {
-                    Width::Exactly(1) => format!("[{rows}]"),
-                    Width::Exactly(width) => format!("[{rows}, {width}]"),
-                    Width::AtLeast(width) => format!("[{rows}, {width} or more]"),
-                },
+                expected: width.expected(rows, columns),
             });
         };
         // Believe no length that the file cannot hold: allocation would end the process.

@@ -9,11 +9,14 @@ mod fault;
 pub mod fit;
 mod format;
 mod hdf5;
+#[cfg(test)]
+pub(crate) mod made;
 pub mod minari;
 mod number;
 pub mod ogbench;
 mod parallel;
 mod provenance;
+mod shape;
 mod starts;
 mod summary;
 
@@ -26,22 +29,25 @@ pub use fault::Dropped;
 pub use fit::{LoadError, Loaded, Needs, load_for};
 pub use format::{Format, Opened, open, open_with};
 pub use provenance::Made;
+pub use shape::{Element, Shape};
 pub use starts::Starts;
 pub use summary::Summary;
-
-/// Widths of an observation and of an action: the ant's own.
-pub use maze::{ACTION, OBSERVATION};
 
 /// Episodes, flat. All arrays have a row for each step; rows are counted from 0.
 ///
 /// Rows of an episode are states that follow each other, each a step after the one before. An
 /// episode's last row may hold an action without effect (OGBench) or of zeros (Minari): no state
 /// follows it, so nothing is to be learnt from it.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
-    /// `[n, 29]`, before the action.
+    shape: Shape,
+    /// Values of an observation and of an action, as the shape has them.
+    widths: [usize; 2],
+    /// `[n, observation]`, before the action; empty where observations are images.
     pub observations: Vec<f32>,
-    /// `[n, 8]`.
+    /// `[n, rows, columns, channels]`, before the action; empty where observations are vectors.
+    pub images: Vec<u8>,
+    /// `[n, action]`.
     pub actions: Vec<f32>,
     /// `[n]`.
     pub rewards: Vec<f32>,
@@ -51,9 +57,28 @@ pub struct Dataset {
     pub episodes: Vec<Range<usize>>,
     /// The goal that each row's behaviour aimed at (m); empty where the file has none.
     pub goals: Vec<[f32; 2]>,
+    /// Where each image was taken (m); empty where observations begin with x and y.
+    pub image_places: Vec<[f32; 2]>,
 }
 
 impl Dataset {
+    /// Without rows.
+    #[must_use]
+    pub fn new(shape: Shape) -> Self {
+        Self {
+            widths: [shape.observation(), shape.action()],
+            shape,
+            observations: vec![],
+            images: vec![],
+            actions: vec![],
+            rewards: vec![],
+            terminals: vec![],
+            episodes: vec![],
+            goals: vec![],
+            image_places: vec![],
+        }
+    }
+
     /// Reads a data set of any [`Format`], recognised by its content.
     ///
     /// # Errors
@@ -62,46 +87,33 @@ impl Dataset {
         open(path).map(|(_, data)| data)
     }
 
+    /// Shape of the rows.
+    #[must_use]
+    pub fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
     /// Some of the episodes, by number, as a data set of their own.
     ///
     /// # Panics
     /// When there are not as many episodes.
     #[must_use]
     pub fn select(&self, numbers: Range<usize>) -> Self {
-        let episodes = &self.episodes[numbers];
-        let rows = episodes.first().map_or(0, |first| first.start)
-            ..episodes.last().map_or(0, |last| last.end);
-        Self {
-            observations: self.observations[rows.start * OBSERVATION..rows.end * OBSERVATION]
-                .to_vec(),
-            actions: self.actions[rows.start * ACTION..rows.end * ACTION].to_vec(),
-            rewards: self.rewards[rows.clone()].to_vec(),
-            terminals: self.terminals[rows.clone()].to_vec(),
-            goals: self.goals.get(rows.clone()).unwrap_or_default().to_vec(),
-            episodes: episodes
-                .iter()
-                .map(|episode| episode.start - rows.start..episode.end - rows.start)
-                .collect(),
+        let mut selected = Self::new(self.shape.clone());
+        for episode in &self.episodes[numbers] {
+            selected.take(self, episode.clone());
+            selected.end_episode();
         }
+        selected
     }
 
     /// Some of the episodes, those that are marked, as a data set of their own.
     pub(crate) fn kept(&self, keep: &[bool]) -> Self {
-        let mut kept = Self::default();
+        let mut kept = Self::new(self.shape.clone());
         let marked = self.episodes.iter().zip(keep);
         for (rows, _) in marked.filter(|(_, keep)| **keep) {
-            let start = kept.len();
-            let (from, to) = (rows.start, rows.end);
-            kept.observations
-                .extend_from_slice(&self.observations[from * OBSERVATION..to * OBSERVATION]);
-            kept.actions
-                .extend_from_slice(&self.actions[from * ACTION..to * ACTION]);
-            kept.rewards.extend_from_slice(&self.rewards[rows.clone()]);
-            kept.terminals
-                .extend_from_slice(&self.terminals[rows.clone()]);
-            kept.goals
-                .extend_from_slice(self.goals.get(rows.clone()).unwrap_or_default());
-            kept.episodes.push(start..kept.len());
+            kept.take(self, rows.clone());
+            kept.end_episode();
         }
         kept
     }
@@ -110,29 +122,47 @@ impl Dataset {
     /// episode are episodes of their own.
     #[must_use]
     pub fn without(self, left_out: impl Fn([f32; 2]) -> bool) -> Self {
-        let keep: Vec<bool> = (0..self.len())
-            .map(|row| !left_out(self.place(row)))
-            .collect();
-        let mut kept = Self::default();
+        let mut kept = Self::new(self.shape.clone());
         for episode in &self.episodes {
-            let mut start = None;
-            for row in episode.clone() {
-                if keep[row] {
-                    start.get_or_insert(kept.len());
-                    kept.observations.extend_from_slice(self.observation(row));
-                    kept.actions.extend_from_slice(self.action(row));
-                    kept.rewards.push(self.rewards[row]);
-                    kept.terminals.push(self.terminals[row]);
-                    kept.goals.extend(self.goals.get(row));
-                } else if let Some(start) = start.take() {
-                    kept.episodes.push(start..kept.len());
-                }
+            let mut start = episode.start;
+            for row in episode.clone().filter(|row| left_out(self.place(*row))) {
+                kept.take(&self, start..row);
+                kept.end_episode();
+                start = row + 1;
             }
-            if let Some(start) = start {
-                kept.episodes.push(start..kept.len());
-            }
+            kept.take(&self, start..episode.end);
+            kept.end_episode();
         }
         kept
+    }
+
+    /// Appends rows of a data set of the same shape, without an episode of them.
+    fn take(&mut self, from: &Self, rows: Range<usize>) {
+        fn append<T: Copy>(into: &mut Vec<T>, from: &[T], rows: &Range<usize>, width: usize) {
+            let values = from.get(rows.start * width..rows.end * width);
+            into.extend_from_slice(values.unwrap_or_default());
+        }
+        let [observation, action] = self.widths;
+        append(
+            &mut self.observations,
+            &from.observations,
+            &rows,
+            observation,
+        );
+        append(&mut self.images, &from.images, &rows, observation);
+        append(&mut self.actions, &from.actions, &rows, action);
+        append(&mut self.rewards, &from.rewards, &rows, 1);
+        append(&mut self.terminals, &from.terminals, &rows, 1);
+        append(&mut self.goals, &from.goals, &rows, 1);
+        append(&mut self.image_places, &from.image_places, &rows, 1);
+    }
+
+    /// Makes an episode of the rows that are in none; of no rows none.
+    pub fn end_episode(&mut self) {
+        let start = self.episodes.last().map_or(0, |last| last.end);
+        if start < self.len() {
+            self.episodes.push(start..self.len());
+        }
     }
 
     /// Rows.
@@ -147,25 +177,41 @@ impl Dataset {
         self.rewards.is_empty()
     }
 
-    /// Observation of a row, 29 values.
+    /// Observation of a row.
+    ///
+    /// # Panics
+    /// Where observations are images.
     #[must_use]
     pub fn observation(&self, row: usize) -> &[f32] {
-        &self.observations[row * OBSERVATION..(row + 1) * OBSERVATION]
+        let width = self.widths[0];
+        &self.observations[row * width..(row + 1) * width]
     }
 
-    /// Action of a row, 8 values.
+    /// Image of a row.
+    ///
+    /// # Panics
+    /// Where observations are vectors.
+    #[must_use]
+    pub fn image(&self, row: usize) -> &[u8] {
+        let width = self.widths[0];
+        &self.images[row * width..(row + 1) * width]
+    }
+
+    /// Action of a row.
     #[must_use]
     pub fn action(&self, row: usize) -> &[f32] {
-        &self.actions[row * ACTION..(row + 1) * ACTION]
+        let width = self.widths[1];
+        &self.actions[row * width..(row + 1) * width]
     }
 
-    /// Place of the torso in a row (m).
+    /// Place of the body in a row (m).
     #[must_use]
     pub fn place(&self, row: usize) -> [f32; 2] {
-        [
-            self.observations[row * OBSERVATION],
-            self.observations[row * OBSERVATION + 1],
-        ]
+        if let Some(place) = self.image_places.get(row) {
+            return *place;
+        }
+        let at = row * self.widths[0];
+        [self.observations[at], self.observations[at + 1]]
     }
 
     /// Places of all rows (m).
@@ -174,10 +220,15 @@ impl Dataset {
         (0..self.len()).map(|row| self.place(row)).collect()
     }
 
-    /// The z of the torso's up vector in a row: 1 upright, -1 on its back.
+    /// The z of the ant's up vector in a row: 1 upright, -1 on its back. Other bodies do not fall:
+    /// 1 in every row.
     #[must_use]
     pub fn upright(&self, row: usize) -> f32 {
-        maze::upright(self.observation(row))
+        let width = self.widths[0];
+        match self.observations.get(row * width..(row + 1) * width) {
+            Some(observation) if width == maze::OBSERVATION => maze::upright(observation),
+            _ => 1.0,
+        }
     }
 
     /// Number of the episode that a row belongs to; the number of episodes for a row beyond all.
@@ -222,70 +273,6 @@ pub(crate) fn episodes(last: &[bool]) -> Vec<Range<usize>> {
     episodes
 }
 
-/// Data sets made up for tests.
-#[cfg(test)]
-pub(crate) mod made {
-    use super::*;
-
-    /// Episodes along the given places, all else zero but the quaternion's w.
-    pub(crate) fn along(episodes: &[&[[f32; 2]]]) -> Dataset {
-        let mut data = Dataset::default();
-        for places in episodes {
-            let start = data.len();
-            for [x, y] in *places {
-                let mut observation = [0.0; OBSERVATION];
-                (observation[0], observation[1], observation[3]) = (*x, *y, 1.0);
-                data.observations.extend(observation);
-                data.actions.extend([0.0; ACTION]);
-                data.rewards.push(0.0);
-                data.terminals.push(false);
-            }
-            data.episodes.push(start..data.len());
-        }
-        data
-    }
-
-    /// Episodes of these lengths whose values all differ, by no more than a step's way.
-    pub(crate) fn varied(lengths: &[usize]) -> Dataset {
-        // Scattered, so that they deflate no better than real ones.
-        let value = |at: usize| {
-            let bits = (at as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            ((bits ^ bits >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f32 / 1e7 - 0.8
-        };
-        let n: usize = lengths.iter().sum();
-        let mut start = 0;
-        Dataset {
-            observations: (0..n * OBSERVATION).map(value).collect(),
-            actions: (0..n * ACTION).map(value).collect(),
-            rewards: (0..n).map(value).collect(),
-            terminals: (0..n).map(|row| row % 3 == 1).collect(),
-            episodes: lengths
-                .iter()
-                .map(|length| {
-                    start += length;
-                    start - length..start
-                })
-                .collect(),
-            goals: (0..n).map(|row| [value(row), value(row + n)]).collect(),
-        }
-    }
-
-    /// Panics unless the arrays are of one length and the episodes are all rows.
-    pub(crate) fn sound(data: &Dataset) {
-        let n = data.len();
-        assert_eq!(data.observations.len(), n * OBSERVATION);
-        assert_eq!(data.actions.len(), n * ACTION);
-        assert_eq!(data.terminals.len(), n);
-        assert!(data.goals.is_empty() || data.goals.len() == n);
-        let mut end = 0;
-        for episode in &data.episodes {
-            assert!(episode.start == end && episode.end > end, "{episode:?}");
-            end = episode.end;
-        }
-        assert!(n > 0 && end == n);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -308,7 +295,7 @@ mod tests {
         assert_eq!(last.goals, data.goals[3..]);
         made::sound(&last);
         assert_eq!(data.select(0..3), data);
-        assert_eq!(data.select(1..1), Dataset::default());
+        assert_eq!(data.select(1..1), Dataset::new(Shape::ant()));
     }
 
     #[test]
@@ -332,14 +319,38 @@ mod tests {
         assert_eq!(data.share_from_to([0.5, 0.5], [8.0, 0.9], 1.0), 0.5);
         assert_eq!(data.share_from_to(c, a, 1.0), 0.5);
         assert_eq!(data.share_from_to(a, [8.0, 1.1], 1.0), 0.0);
-        assert_eq!(Dataset::default().share_from_to(a, c, 1.0), 0.0);
+        let none = Dataset::new(Shape::ant());
+        assert_eq!(none.share_from_to(a, c, 1.0), 0.0);
     }
 
     #[test]
     fn upright_is_one_standing_and_minus_one_on_its_back() {
         let mut data = made::along(&[&[[1.0, 2.0]; 2]]);
-        data.observations[OBSERVATION + 3..OBSERVATION + 7].copy_from_slice(&[0.0, 1.0, 0.0, 0.0]);
+        data.observations[29 + 3..29 + 7].copy_from_slice(&[0.0, 1.0, 0.0, 0.0]);
         assert_eq!((data.upright(0), data.upright(1)), (1.0, -1.0));
         assert_eq!(data.places(), [[1.0, 2.0]; 2]);
+    }
+
+    #[test]
+    fn rows_of_any_shape_are_selected_and_left_out() {
+        for shape in [Shape::vectors(4, 2), Shape::images(&[8, 8, 3], 3)] {
+            let data = made::of(&shape, &[3, 1, 4]);
+            made::sound(&data);
+            assert_eq!(data.select(0..3), data);
+            assert_eq!(data.kept(&[true; 3]), data);
+            let last = data.select(1..3);
+            made::sound(&last);
+            assert_eq!(last.action(1), data.action(4));
+            assert_eq!(last.place(1), data.place(4));
+            let gone = data.place(1);
+            let cut = data.clone().without(|place| place == gone);
+            made::sound(&cut);
+            assert_eq!(cut.episodes, [0..1, 1..2, 2..3, 3..7]);
+            match shape.element() {
+                Element::F32 => assert_eq!(cut.observation(1), data.observation(2)),
+                Element::U8 => assert_eq!(cut.image(1), data.image(2)),
+            }
+            assert_eq!(data.upright(0), 1.0);
+        }
     }
 }

@@ -3,9 +3,15 @@
 //! a dict of `observation`, `achieved_goal` and `desired_goal`.
 //!
 //! An episode of T actions has T + 1 observations; its last row in memory has an action of zeros.
-//! A row is `achieved_goal` followed by the first 27 values of `observation`; further values
-//! (AntMaze from v5 on has contact forces, 105 in all) are left out.
+//!
+//! How `observation` becomes a row is known by the file's first episode:
+//! - Where it begins with `achieved_goal` in every row, as in PointMaze, it is the row.
+//! - An image of bytes is the row's image, and `achieved_goal` its place.
+//! - Otherwise a row is `achieved_goal` followed by `observation`, as in AntMaze. The contact forces
+//!   that Ant adds to it are left out (78 values from v5 on, 84 before;
+//!   Farama-Foundation/Gymnasium, `gymnasium/envs/mujoco/ant_v5.py` and `ant_v4.py`).
 
+mod episode;
 mod read;
 mod write;
 
@@ -20,5 +26,7 @@ const MAIN: &str = "main_data.hdf5";
 const METADATA: &str = "metadata.json";
 /// All that a folder holds, by its path in it.
 pub(crate) const HOLDS: &[&str] = &["data/main_data.hdf5", "data/metadata.json"];
-/// Values of `observation` that are taken: all of a row but the place.
-const PROPRIOCEPTION: usize = crate::OBSERVATION - 2;
+/// Values of the ant's `observation` that are taken: all of a row but the place.
+const PLACE_APART: usize = maze::OBSERVATION - 2;
+/// Widths that it has with contact forces.
+const WITH_FORCES: [usize; 2] = [PLACE_APART + 78, PLACE_APART + 84];

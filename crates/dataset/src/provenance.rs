@@ -117,8 +117,8 @@ mod tests {
             terminals: &[0; 7],
             timeouts: &[0, 0, 1, 0, 0, 0, 1],
             goals: &[],
-            qpos: &[0.0; 7 * d4rl::QPOS],
-            qvel: &[0.0; 7 * d4rl::QVEL],
+            qpos: &[0.0; 7 * 15],
+            qvel: &[0.0; 7 * 14],
         };
         let output = Output::file(&path, Existing::Refuse, &[]).unwrap();
         let staged = d4rl::stage_rows(&output, &rows, Some(&wanted)).unwrap();

@@ -5,7 +5,7 @@ use std::fmt;
 
 use maze::CELL_SIZE;
 
-use crate::Dataset;
+use crate::{Dataset, Shape};
 
 /// Rows ahead at which [`Dataset::at_rest`] looks: a second.
 const AHEAD: usize = 10;
@@ -15,6 +15,8 @@ const WAY: f32 = 0.1;
 /// Figures of a data set, for people. `Display` gives a line for each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
+    /// What a row holds.
+    pub shape: Shape,
     /// Rows.
     pub rows: usize,
     /// Episodes.
@@ -86,6 +88,7 @@ impl Dataset {
             }
         }
         Summary {
+            shape: self.shape().clone(),
             rows: self.len(),
             episodes: self.episodes.len(),
             lengths: (
@@ -115,6 +118,7 @@ impl fmt::Display for Summary {
         let least = self.coverage.values().min().copied().unwrap_or(0);
         let cells = self.coverage.len();
         writeln!(f, "rows          {}", self.rows)?;
+        writeln!(f, "each          {}", self.shape)?;
         writeln!(f, "episodes      {}", self.episodes)?;
         writeln!(f, "length        {min} to {max} rows, mean {mean:.1}")?;
         let (worst, middle, best) = self.returns;
@@ -156,6 +160,8 @@ mod tests {
         let resting: Vec<usize> = (0..61).filter(|row| data.at_rest(*row)).collect();
         assert_eq!(resting, (40..61).collect::<Vec<_>>());
         let text = summary.to_string();
+        let row = "each          observations of 29 values and actions of 8\n";
+        assert!(text.contains(row), "{text}");
         assert!(
             text.contains("length        1 to 60 rows, mean 30.5\n"),
             "{text}"
@@ -177,11 +183,11 @@ mod tests {
 
     #[test]
     fn no_rows_give_zeros_and_no_panic() {
-        let summary = Dataset::default().summary();
+        let summary = Dataset::new(Shape::ant()).summary();
         assert_eq!(
             (summary.rows, summary.lengths, summary.at_rest),
             (0, (0, 0.0, 0), 0.0)
         );
-        assert!(Dataset::default().at_rest(3));
+        assert!(Dataset::new(Shape::ant()).at_rest(3));
     }
 }

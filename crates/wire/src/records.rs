@@ -54,6 +54,18 @@ pub struct TrajectoryHeader {
     pub rows: u32,
 }
 
+impl TrajectoryHeader {
+    /// A number for the episode that no other of a run has. An episode of a round has the same
+    /// whoever plays it.
+    #[must_use]
+    pub fn name(&self) -> u64 {
+        match self.round {
+            0 => u64::from(self.incarnation) << 31 ^ u64::from(self.actor) << 24 ^ self.episode,
+            round => u64::from(round) << 32 | self.episode,
+        }
+    }
+}
+
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, ZeroCopySend)]
 #[type_name("formica.Acknowledgement")]

@@ -19,6 +19,17 @@ pub struct OwnedTrajectory {
 }
 
 impl OwnedTrajectory {
+    /// Copies a trajectory of rows in a layout.
+    #[must_use]
+    pub fn new(header: &TrajectoryHeader, layout: RowLayout, trajectory: Trajectory<'_>) -> Self {
+        Self {
+            header: *header,
+            layout,
+            rows: trajectory.rows.words().to_vec(),
+            choices: trajectory.choices.to_vec(),
+        }
+    }
+
     /// Its steps and choices.
     #[must_use]
     pub fn view(&self) -> Trajectory<'_> {
@@ -53,12 +64,7 @@ impl Rounds {
     /// Takes in a trajectory; those of other rounds than the next are left out.
     pub fn add(&mut self, header: &TrajectoryHeader, trajectory: Trajectory<'_>) {
         if header.round == self.taken + 1 {
-            let trajectory = OwnedTrajectory {
-                header: *header,
-                layout: self.layout,
-                rows: trajectory.rows.words().to_vec(),
-                choices: trajectory.choices.to_vec(),
-            };
+            let trajectory = OwnedTrajectory::new(header, self.layout, trajectory);
             self.pieces
                 .insert((header.episode, header.first_step), trajectory);
         }

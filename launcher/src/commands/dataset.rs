@@ -287,20 +287,20 @@ fn visits(data: &Dataset, layout: &Layout) -> Vec<Vec<usize>> {
 
 #[cfg(test)]
 mod tests {
+    use ::dataset::Shape;
+
     use super::*;
 
     /// One episode along places.
     fn along(places: &[[f32; 2]]) -> Dataset {
-        let mut data = Dataset::default();
-        for [x, y] in places {
-            let mut observation = [0.0; ::dataset::OBSERVATION];
-            (observation[0], observation[1]) = (*x, *y);
-            data.observations.extend(observation);
-            data.actions.extend([0.0; ::dataset::ACTION]);
+        let mut data = Dataset::new(Shape::vectors(2, 1));
+        for place in places {
+            data.observations.extend(place);
+            data.actions.push(0.0);
             data.rewards.push(0.0);
             data.terminals.push(false);
         }
-        data.episodes = std::iter::once(0..places.len()).collect();
+        data.end_episode();
         data
     }
 

@@ -123,6 +123,7 @@ impl Plan for Cloning {
     fn stages(&self) -> Vec<StageSpec> {
         vec![StageSpec {
             name: "gcbc",
+            time: "time/gcbc_s",
             after: vec![],
             needs_graph: false,
             online: false,

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use simulator::Body;
 
 use super::Settings;
-use super::network::Shape;
+use super::network;
 use crate::same_shape;
 use crate::stage::{Inputs, Metrics, Progress, Publication, Stage, StageError};
 use crate::stream;
@@ -30,7 +30,7 @@ struct Saved {
 
 struct Training {
     settings: Settings,
-    shape: Shape,
+    shape: network::Shape,
     data: Arc<Dataset>,
     starts: Starts,
     weights: Vec<f32>,
@@ -62,7 +62,7 @@ pub(super) fn start(
         });
     };
     let mut rng = stream(seed, "gcbc", 0);
-    let shape = Shape::new(body, &settings.hidden);
+    let shape = network::Shape::new(body, &settings.hidden);
     let weights = shape.mlp().init(&mut rng, 0.01);
     let mut training = Training {
         settings: settings.clone(),
@@ -119,7 +119,10 @@ impl Training {
         let scale = 1.0 / n as f32;
         let means = mlp.forward(&self.weights, &self.inputs, n, &mut self.workspace);
         self.error.clear();
-        let errors = means.iter().zip(&self.actions).map(|(mean, action)| mean - action);
+        let errors = means
+            .iter()
+            .zip(&self.actions)
+            .map(|(mean, action)| mean - action);
         self.error.extend(errors.map(|error| scale * error));
         let squares = self.error.iter().map(|error| error * error);
         let loss = 0.5 * squares.sum::<f32>() / scale;
@@ -199,6 +202,7 @@ impl Stage for Training {
 
 #[cfg(test)]
 mod tests {
+    use dataset::Shape;
     use maze::PointBody;
 
     use super::*;
@@ -206,13 +210,14 @@ mod tests {
 
     /// A point that goes from left to right and from right to left, by turns.
     fn data() -> Arc<Dataset> {
-        let mut data = Dataset::default();
+        let mut data = Dataset::new(Shape::vectors(4, 2));
         for episode in 0..20 {
             let start = data.len();
             let way = if episode % 2 == 0 { 1.0 } else { -1.0 };
             for step in 0..30 {
                 let x = way * 0.2 * (step as f32 - 15.0);
-                data.observations.extend([x, 0.1 * episode as f32, 0.0, 0.0]);
+                data.observations
+                    .extend([x, 0.1 * episode as f32, 0.0, 0.0]);
                 data.actions.extend([way, 0.0]);
                 data.rewards.push(0.0);
                 data.terminals.push(false);
@@ -243,7 +248,7 @@ mod tests {
     }
 
     fn started(settings: &Settings, inputs: &Inputs<'_>) -> Training {
-        let shape = Shape::new(&PointBody, &settings.hidden);
+        let shape = network::Shape::new(&PointBody, &settings.hidden);
         let mut rng = stream(1, "gcbc", 0);
         let weights = shape.mlp().init(&mut rng, 0.5);
         Training {
@@ -328,9 +333,7 @@ mod tests {
             parts: &parts,
             in_rounds: false,
         };
-        let fresh = |saved: Option<&[u8]>| {
-            start(&PointBody, &settings, 5, &inputs, saved).unwrap()
-        };
+        let fresh = |saved: Option<&[u8]>| start(&PointBody, &settings, 5, &inputs, saved).unwrap();
         let mut metrics = Metrics::default();
         let mut whole = fresh(None);
         (0..20).for_each(|_| {

@@ -166,8 +166,7 @@ impl Stage for HighStage {
     fn update(&mut self, metrics: &mut Metrics) -> bool {
         self.counts.extra = self.counts.extra.saturating_sub(1);
         self.ppo_update(metrics);
-        let finished =
-            !self.counts.done && self.high.steps >= self.setup.settings.steps as u64;
+        let finished = !self.counts.done && self.high.steps >= self.setup.settings.steps as u64;
         self.counts.done |= finished;
         self.counts.updates.is_multiple_of(PUBLISH) || finished || self.is_idle()
     }

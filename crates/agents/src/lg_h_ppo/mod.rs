@@ -17,6 +17,8 @@ pub mod high;
 mod high_stage;
 pub mod low;
 mod low_stage;
+#[cfg(test)]
+mod made;
 pub mod navigator;
 mod summary;
 pub mod vae;
@@ -193,6 +195,7 @@ impl Plan for Hierarchy {
     fn stages(&self) -> Vec<StageSpec> {
         let mut stages = vec![StageSpec {
             name: "encoder",
+            time: "time/encoder_s",
             after: vec![],
             needs_graph: false,
             online: false,
@@ -200,6 +203,7 @@ impl Plan for Hierarchy {
         if self.learns_low() {
             stages.push(StageSpec {
                 name: "low",
+                time: "time/low_s",
                 after: vec![ENCODER],
                 needs_graph: true,
                 online: false,
@@ -208,6 +212,7 @@ impl Plan for Hierarchy {
         if self.learns_high() {
             stages.push(StageSpec {
                 name: "high",
+                time: "time/high_s",
                 after: vec![ENCODER],
                 needs_graph: true,
                 online: true,
@@ -282,13 +287,8 @@ impl Plan for Hierarchy {
         let shape = vae::Shape::new(s.encoder.latent, &s.encoder.hidden);
         let encoder = vae::Encoder::new(shape, &encoder.values)?;
         let execution = (s.execution.clone(), s.graph.knowledge);
-        let navigator = Navigator::new(
-            self.body,
-            execution,
-            (encoder, graph),
-            controller,
-            planner,
-        )?;
+        let navigator =
+            Navigator::new(self.body, execution, (encoder, graph), controller, planner)?;
         Some((Box::new(navigator), versions))
     }
 

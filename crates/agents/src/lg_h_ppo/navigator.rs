@@ -449,3 +449,6 @@ impl Policy for Navigator {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

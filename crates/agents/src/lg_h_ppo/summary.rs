@@ -23,7 +23,12 @@ pub(super) const LABELS: &[Label] = &[
     label("high/entropy_nats", "high entropy (nats)", 2, "high_steps"),
     label("high/return", "high return", 2, ""),
     label("high/kl", "high KL (nats)", 4, ""),
-    label("encoder/reconstruction", "encoder loss", 4, "encoder_updates"),
+    label(
+        "encoder/reconstruction",
+        "encoder loss",
+        4,
+        "encoder_updates",
+    ),
     label("encoder/kl_nats", "encoder KL (nats)", 2, ""),
 ];
 
@@ -48,8 +53,15 @@ impl Parts<'_> {
         let value = scale * (self.0)(name)?;
         let text = format!("{value:.decimals$}");
         // A value that rounds to nothing has no sign.
-        let zero = text.trim_start_matches('-').chars().all(|c| "0.".contains(c));
-        let text = if zero { text.trim_start_matches('-') } else { &text };
+        let zero = text
+            .trim_start_matches('-')
+            .chars()
+            .all(|c| "0.".contains(c));
+        let text = if zero {
+            text.trim_start_matches('-')
+        } else {
+            &text
+        };
         value.is_finite().then(|| phrase.replace("{}", text))
     }
 }
@@ -62,7 +74,11 @@ pub(super) fn summary(setting: Lookup<'_, String>, metric: Lookup<'_, f64>) -> V
     let walls = metric("graph/edges_through_walls")
         .zip(metric("graph/edges").filter(|edges| *edges > 0.0))
         .map(|(walls, edges)| 1.0 - walls / edges);
-    let graph = [metric("graph/connected_share"), metric("graph/coverage"), walls];
+    let graph = [
+        metric("graph/connected_share"),
+        metric("graph/coverage"),
+        walls,
+    ];
     let parts = Parts(metric);
     let stage = |name, title, time: &str, text, quality: Option<f64>| Summary {
         name,
@@ -181,7 +197,9 @@ mod tests {
                 found.map(|(_, value)| *value)
             };
             let lines = summary(&|_| None, &metric);
-            let lines = lines.iter().map(|stage| format!("{}: {}\n", stage.name, stage.text));
+            let lines = lines
+                .iter()
+                .map(|stage| format!("{}: {}\n", stage.name, stage.text));
             lines.collect::<String>()
         };
         assert!(text(&[]).contains("high: \n"));
@@ -191,7 +209,10 @@ mod tests {
             ("graph/nodes", 20.0),
             ("low/policy_loss", f64::NAN),
         ]);
-        assert!(text.contains("high: entropy 0.50 nats, KL 0.0000\n"), "{text}");
+        assert!(
+            text.contains("high: entropy 0.50 nats, KL 0.0000\n"),
+            "{text}"
+        );
         assert!(text.contains("graph: 20 nodes\n"), "{text}");
         for odd in ["NaN", "inf", " -", ", ,"] {
             assert!(!text.contains(odd), "{odd} in {text}");

@@ -1,8 +1,8 @@
 //! What the walker is trained in: an ant that is to walk in a direction, which changes.
 
 use maze::{
-    ACTION, AntBody, AntMaze, CONTROL_SECONDS, Layout, Observation, Physics, Route, TIPPED_OVER, Style,
-    random_task, upright,
+    ACTION, AntBody, AntMaze, CONTROL_SECONDS, Layout, Observation, Physics, Route, Style,
+    TIPPED_OVER, random_task, upright,
 };
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -84,8 +84,7 @@ impl Stroll {
     fn reward(&self, before: &Observation, action: &[f32; ACTION], stumbled: bool) -> f32 {
         let s = &self.settings;
         let o = &self.observation;
-        let ahead =
-            (o[0] - before[0]) * self.direction[0] + (o[1] - before[1]) * self.direction[1];
+        let ahead = (o[0] - before[0]) * self.direction[0] + (o[1] - before[1]) * self.direction[1];
         let speed = ahead / CONTROL_SECONDS;
         let squares = action.iter().map(|a| a.clamp(-1.0, 1.0).powi(2));
         let effort = squares.sum::<f32>() / ACTION as f32;
@@ -213,6 +212,9 @@ mod tests {
         let with = stroll.reward(&before, &[0.0; ACTION], false);
         stroll.direction = [-1.0, 0.0];
         let against = stroll.reward(&before, &[0.0; ACTION], false);
-        assert!((with + against).abs() < 0.1 && with > 0.9, "{with} {against}");
+        assert!(
+            (with + against).abs() < 0.1 && with > 0.9,
+            "{with} {against}"
+        );
     }
 }

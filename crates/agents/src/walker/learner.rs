@@ -11,38 +11,32 @@ use crate::ppo::{self, End, Report, Settings};
 
 /// On-policy steps of many short records, flat.
 #[derive(Debug, Clone, Default)]
-pub struct Batch {
+pub(super) struct Batch {
     /// `[n, 28]`.
-    pub features: Vec<f32>,
+    pub(super) features: Vec<f32>,
     /// Actions as sampled, in each feature's own frame, `[n, 8]`.
-    pub actions: Vec<f32>,
+    pub(super) actions: Vec<f32>,
     /// Their log-probabilities under the behaviour policy, `[n]`.
-    pub log_probs: Vec<f32>,
+    pub(super) log_probs: Vec<f32>,
     /// `[n]`.
-    pub rewards: Vec<f32>,
+    pub(super) rewards: Vec<f32>,
     /// `[n]`.
-    pub ends: Vec<End>,
+    pub(super) ends: Vec<End>,
     /// Features after the last step of each record, `[records, 28]`.
-    pub final_features: Vec<f32>,
+    pub(super) final_features: Vec<f32>,
     /// Steps of each record.
-    pub records: Vec<usize>,
+    pub(super) records: Vec<usize>,
 }
 
 impl Batch {
     /// Steps held.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.rewards.len()
     }
 
-    /// Whether no step is held.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.rewards.is_empty()
-    }
-
     /// Forgets all steps and keeps the memory.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.features.clear();
         self.actions.clear();
         self.log_probs.clear();
@@ -54,7 +48,8 @@ impl Batch {
 }
 
 /// Actor, critic and their optimisers.
-pub struct Learner {
+pub(super) struct Learner {
+    #[cfg(test)]
     policy: Policy,
     networks: ActorCritic,
     values: Vec<f32>,
@@ -67,7 +62,7 @@ const LOG_STD: [f32; 2] = [-2.5, 0.5];
 
 impl Learner {
     /// A learner with fresh networks.
-    pub fn new(
+    pub(super) fn new(
         hidden: &[usize],
         log_std: f32,
         learning_rate: f32,
@@ -89,6 +84,7 @@ impl Learner {
                 0,
                 rng,
             ),
+            #[cfg(test)]
             policy,
             values: vec![],
             final_values: vec![],
@@ -98,14 +94,14 @@ impl Learner {
 
     /// The policy's flat weights, as actors use them.
     #[must_use]
-    pub fn weights(&self) -> &[f32] {
+    pub(super) fn weights(&self) -> &[f32] {
         &self.networks.weights
     }
 
     /// Begins with these weights instead; false, and nothing is changed, where their number is
     /// wrong.
     #[must_use]
-    pub fn set_weights(&mut self, weights: Vec<f32>) -> bool {
+    pub(super) fn set_weights(&mut self, weights: Vec<f32>) -> bool {
         let fits = weights.len() == self.networks.weights.len();
         if fits {
             self.networks.weights = weights;
@@ -115,29 +111,29 @@ impl Learner {
 
     /// Where the training is.
     #[must_use]
-    pub fn state(&self) -> State {
+    pub(super) fn state(&self) -> State {
         self.networks.state()
     }
 
     /// Goes on from a state; false, and nothing is changed, where it is of other networks.
     #[must_use]
-    pub fn restore(&mut self, state: State) -> bool {
+    pub(super) fn restore(&mut self, state: State) -> bool {
         self.networks.restore(state)
     }
 
     /// The policy's shape.
-    #[must_use]
-    pub fn policy(&self) -> &Policy {
+    #[cfg(test)]
+    pub(super) fn policy(&self) -> &Policy {
         &self.policy
     }
 
     /// Sets the step size of both networks.
-    pub fn set_learning_rate(&mut self, rate: f32) {
+    pub(super) fn set_learning_rate(&mut self, rate: f32) {
         self.networks.set_learning_rate(rate);
     }
 
     /// One PPO update on a batch of on-policy steps.
-    pub fn update(&mut self, batch: &Batch, rng: &mut impl Rng) -> Report {
+    pub(super) fn update(&mut self, batch: &Batch, rng: &mut impl Rng) -> Report {
         let row = |features: &[f32], i: usize, input: &mut Vec<f32>| {
             input.extend_from_slice(&features[i * EGOCENTRIC..(i + 1) * EGOCENTRIC]);
         };

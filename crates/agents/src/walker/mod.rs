@@ -110,6 +110,7 @@ impl Plan for Training {
     fn stages(&self) -> Vec<StageSpec> {
         vec![StageSpec {
             name: "walker",
+            time: "time/walker_s",
             after: vec![],
             needs_graph: false,
             online: true,
@@ -180,8 +181,7 @@ impl Plan for Training {
         let hidden = self.settings.hidden.iter().map(ToString::to_string);
         let policy = Policy::new(&self.settings.hidden);
         let parameters = policy.mlp().parameters();
-        let mut tensors: Vec<Tensor<'w>> =
-            policy.mlp().tensors("policy", &weights[..parameters]);
+        let mut tensors: Vec<Tensor<'w>> = policy.mlp().tensors("policy", &weights[..parameters]);
         let log_std = &weights[parameters..];
         tensors.push(("log_std".to_owned(), vec![log_std.len()], log_std));
         Checkpoint {

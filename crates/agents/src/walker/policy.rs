@@ -70,7 +70,7 @@ impl Policy {
 }
 
 /// Samples an action around `mean` and returns its log-probability.
-pub fn sample(mean: &[f32], log_std: &[f32], rng: &mut impl Rng, action: &mut [f32]) -> f32 {
+pub(super) fn sample(mean: &[f32], log_std: &[f32], rng: &mut impl Rng, action: &mut [f32]) -> f32 {
     let mut log_prob = 0.0;
     for ((action, mean), log_std) in action.iter_mut().zip(mean).zip(log_std) {
         let noise: f32 = StandardNormal.sample(rng);
@@ -156,7 +156,10 @@ mod tests {
         let path = folder.path().join("other.safetensors");
         nets::file::save(&path, &[], &Default::default()).unwrap();
         let message = load(Some(&path)).unwrap_err().to_string();
-        assert!(message.contains("other.safetensors: is no walker"), "{message}");
+        assert!(
+            message.contains("other.safetensors: is no walker"),
+            "{message}"
+        );
         let missing = load(Some(&folder.path().join("none"))).unwrap_err();
         assert!(matches!(missing, WalkerError::File { .. }));
     }

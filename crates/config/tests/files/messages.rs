@@ -70,6 +70,21 @@ fn a_number_that_does_not_fit_is_told_plainly() {
 }
 
 #[test]
+fn an_encoder_without_its_null_token_is_refused() {
+    let message = "x.toml:1: encoder.null_condition: 0 leaves the null token untrained, and all \
+                   codes are taken with it; set it above 0, as to the default 0.5";
+    assert_eq!(
+        told(&format!("encoder.null_condition = 0\n{REST}")),
+        message
+    );
+    // The place itself is encoded by no network.
+    let place = "encoder = { kind = \"place\", null_condition = 0 }";
+    for line in ["encoder.null_condition = 1e-3", place] {
+        assert_eq!(told(&format!("{line}\n{REST}")), "no fault");
+    }
+}
+
+#[test]
 fn a_whole_number_may_be_written_with_an_exponent() {
     for line in [
         "low.updates = 1e4",

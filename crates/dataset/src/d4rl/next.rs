@@ -1,6 +1,5 @@
 //! `next_observations`: the state after each row's action, which tells where episodes end.
 
-use crate::OBSERVATION;
 use crate::OnFault;
 use crate::fault::Faults;
 use crate::hdf5::{Key, Reader};
@@ -16,13 +15,13 @@ pub(super) fn mark(
     observations: &[f32],
     last: &mut [bool],
 ) {
-    let Some(Ok([next])) = key.map(|key| reader.values([key], &Faults::new(OnFault::Refuse)))
-    else {
+    let Some(key) = key else { return };
+    let Ok([next]) = reader.values::<f32, 1>([key], &Faults::new(OnFault::Refuse)) else {
         return;
     };
-    let rows = observations.chunks_exact(OBSERVATION).skip(1);
+    let rows = observations.chunks_exact(key.width).skip(1);
     let ends: Vec<bool> = next
-        .chunks_exact(OBSERVATION)
+        .chunks_exact(key.width)
         .zip(rows)
         .map(|(next, row)| next.iter().zip(row).any(|(a, b)| !is_same(*a, *b)))
         .collect();

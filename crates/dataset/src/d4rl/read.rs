@@ -3,23 +3,27 @@
 use std::fs;
 use std::path::Path;
 
-use super::next;
+use super::{XY, next};
 use crate::error::io_error;
 use crate::fault::Faults;
 use crate::hdf5::{Key, OtherFiles, Reader, Width};
-use crate::{ACTION, Dataset, DatasetError, Dropped, OBSERVATION, OnFault, episodes};
+use crate::{Dataset, DatasetError, Dropped, OnFault, Shape, episodes};
 
 /// What is said where a key is missing.
 const LAYOUT: &str = "D4RL's layout wants observations, actions, rewards and terminals, Minari's \
                       the groups episode_0, episode_1 and so on, OGBench's an npz file";
 
-/// Jump of the torso between two rows that only a reset can make (m).
+/// What is said where images have no places.
+const PLACES: &str = "images need x and y (m) of each row, before the action, there";
+
+/// Jump of the body between two rows that only a reset can make (m).
 const JUMP: f32 = 5.0;
 
 /// Reads a file in D4RL's layout: `observations`, `actions`, `rewards`, `terminals`, and where
-/// they are there `timeouts` and `infos/goal`. Numbers and bools of any type are taken.
+/// they are there `timeouts` and `infos/goal`. Observations and actions may have any width; numbers
+/// and bools of any type are taken.
 ///
-/// An episode ends with its row of `timeouts`, and where the torso jumps by more than 5 m: files of
+/// An episode ends with its row of `timeouts`, and where the body jumps by more than 5 m: files of
 /// v0 lack `timeouts` or have them out of step with the resets. So it does where
 /// `next_observations`, which D4RL's `qlearning_dataset` adds, is not the row after. `terminals` end
 /// none.
@@ -47,60 +51,79 @@ pub(crate) fn from_reader(
     on_fault: OnFault,
 ) -> Result<(Dataset, Dropped), DatasetError> {
     let root = reader.root()?;
-    let key = |name, rows, width| reader.key(&root, name, rows, Width::Exactly(width), LAYOUT);
+    let key = |name, rows, width| reader.key(&root, name, rows, width, LAYOUT);
     let optional = |name, rows, width| reader.optional(&root, name, rows, Width::Exactly(width));
     // All shapes before any value: a length that is wrong then disagrees before it is allocated.
-    let observations = key("observations", None, OBSERVATION)?;
+    let observations = key("observations", None, Width::AtLeast(2))?;
     let n = Some(observations.rows);
-    let actions = key("actions", n, ACTION)?;
-    let rewards = key("rewards", n, 1)?;
-    let terminals = key("terminals", n, 1)?;
+    let actions = key("actions", n, Width::AtLeast(1))?;
+    let rewards = key("rewards", n, Width::Exactly(1))?;
+    let terminals = key("terminals", n, Width::Exactly(1))?;
     let timeouts = optional("timeouts", n, 1)?;
     let goals = optional("infos/goal", n, 2)?;
+    let image = observations.image();
+    let places = match &image {
+        Some(_) => Some(reader.key(&root, XY, n, Width::Exactly(2), PLACES)?),
+        None => None,
+    };
     if n == Some(0) {
         return Err(reader.refuse("no episode: its arrays have no row"));
     }
     let faults = Faults::new(on_fault);
-    let one = |key: Option<Key>, faults: &Faults| {
-        let values = key.map(|key| reader.values([&key], faults));
-        values
-            .transpose()
-            .map(|values| values.map(|[values]| values))
+    let one = |key: Option<Key>, faults: &Faults| -> Result<Vec<f32>, DatasetError> {
+        key.map_or(Ok(vec![]), |key| {
+            reader.values([&key], faults).map(|[values]| values)
+        })
     };
-    let [observations, actions, rewards, terminals] =
-        reader.values([&observations, &actions, &rewards, &terminals], &faults)?;
-    let mut last = jumps(&observations);
-    let next = optional("next_observations", n, OBSERVATION).ok().flatten();
-    next::mark(reader, next.as_ref(), &observations, &mut last);
+    let shape = match &image {
+        Some(sides) => Shape::images(sides, actions.width),
+        None => Shape::vectors(observations.width, actions.width),
+    };
+    let mut data = Dataset::new(shape);
+    let marks = if image.is_some() {
+        [data.images] = reader.values([&observations], &faults)?;
+        data.image_places = pairs(&one(places, &faults)?);
+        let marks;
+        [data.actions, data.rewards, marks] =
+            reader.values([&actions, &rewards, &terminals], &faults)?;
+        marks
+    } else {
+        let marks;
+        [data.observations, data.actions, data.rewards, marks] =
+            reader.values([&observations, &actions, &rewards, &terminals], &faults)?;
+        marks
+    };
+    data.terminals = marks.iter().map(|value| *value > 0.0).collect();
+    let mut last = jumps(&data);
+    if image.is_none() {
+        let next = optional("next_observations", n, observations.width);
+        let next = next.ok().flatten();
+        next::mark(reader, next.as_ref(), &data.observations, &mut last);
+    }
     // Without the marks of their ends episodes cannot be told apart.
     let ends = one(timeouts, &Faults::new(OnFault::Refuse))?;
-    for (last, timeout) in last.iter_mut().zip(ends.unwrap_or_default()) {
+    for (last, timeout) in last.iter_mut().zip(ends) {
         *last |= timeout > 0.0;
     }
-    let data = Dataset {
-        observations,
-        actions,
-        rewards,
-        terminals: terminals.iter().map(|value| *value > 0.0).collect(),
-        episodes: episodes(&last),
-        goals: one(goals, &faults)?
-            .unwrap_or_default()
-            .as_chunks::<2>()
-            .0
-            .to_vec(),
-    };
+    data.episodes = episodes(&last);
+    data.goals = pairs(&one(goals, &faults)?);
     faults.drop_rows(reader.path(), data)
 }
 
-/// Whether the torso is elsewhere in the next row.
-fn jumps(observations: &[f32]) -> Vec<bool> {
-    let (rows, _) = observations.as_chunks::<OBSERVATION>();
-    let mut last: Vec<bool> = rows
-        .windows(2)
-        .map(|pair| (pair[0][0] - pair[1][0]).hypot(pair[0][1] - pair[1][1]) > JUMP)
-        .collect();
-    last.push(true);
-    last
+fn pairs(values: &[f32]) -> Vec<[f32; 2]> {
+    values.as_chunks::<2>().0.to_vec()
+}
+
+/// Whether the body is elsewhere in the next row.
+fn jumps(data: &Dataset) -> Vec<bool> {
+    let jump = |row: usize| {
+        let ([x, y], [u, v]) = (data.place(row), data.place(row + 1));
+        (x - u).hypot(y - v) > JUMP
+    };
+    let last = data.len().saturating_sub(1);
+    (0..data.len())
+        .map(|row| row == last || jump(row))
+        .collect()
 }
 
 #[cfg(test)]
@@ -111,6 +134,8 @@ mod tests {
 
     use super::*;
     use crate::d4rl::write::made::{ROWS, written};
+    use crate::{d4rl, made};
+    use maze::{ACTION, OBSERVATION};
 
     #[test]
     fn a_value_that_is_not_finite_is_named() {
@@ -163,7 +188,7 @@ mod tests {
             "{missing}"
         );
         assert!(matches!(
-            with(27, None),
+            with(1, None),
             DatasetError::Shape { ref key, .. } if key == "observations"
         ));
         let unequal = with(29, Some(3));
@@ -204,6 +229,48 @@ mod tests {
         flags(&mut builder);
         builder.write(path).unwrap();
         read(path)
+    }
+
+    #[test]
+    fn rows_of_any_shape_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, shape) in [
+            ("point.hdf5", Shape::vectors(4, 2)),
+            ("other.hdf5", Shape::vectors(7, 1)),
+            ("images.hdf5", Shape::images(&[64, 64, 3], 8)),
+        ] {
+            let path = folder.path().join(name);
+            let data = made::of(&shape, &[3, 1, 40]);
+            d4rl::write(&path, &data).unwrap();
+            assert_eq!(read(&path).unwrap(), data, "{name}");
+        }
+    }
+
+    #[test]
+    fn images_need_their_places_and_other_bytes_are_vectors() {
+        let read = |sides: &[u64]| {
+            let mut builder = FileBuilder::new();
+            let count = sides.iter().product::<u64>() as usize;
+            builder
+                .create_dataset("observations")
+                .with_u8_data(&vec![7; count])
+                .with_shape(sides);
+            for (name, shape) in [
+                ("actions", &[2, 2][..]),
+                ("rewards", &[2]),
+                ("terminals", &[2]),
+            ] {
+                builder
+                    .create_dataset(name)
+                    .with_f32_data(&vec![0.0; shape.iter().product::<u64>() as usize])
+                    .with_shape(shape);
+            }
+            read_bytes(Path::new("x.hdf5"), builder.finish().unwrap())
+        };
+        let error = read(&[2, 6, 6, 3]).unwrap_err().to_string();
+        assert!(error.contains("'infos/xy': is missing"), "{error}");
+        assert!(error.contains("images need x and y"), "{error}");
+        assert_eq!(read(&[2, 6]).unwrap().observation(1), [7.0; 6]);
     }
 
     #[test]

@@ -5,15 +5,14 @@ use std::path::Path;
 use durable::{Existing, Output, Staged};
 use hdf5_pure::{DatasetBuilder, Datatype, EnumTypeBuilder, Error, FileBuilder};
 
-use super::{QPOS, QVEL};
-use crate::{ACTION, Dataset, DatasetError, Made, OBSERVATION};
+use crate::{Dataset, DatasetError, Element, Made};
 
-/// Rows to write; all arrays flat.
+/// Rows to write; all arrays flat. Widths are the arrays' lengths by the number of rewards.
 #[derive(Debug, Clone, Copy)]
 pub struct Rows<'a> {
-    /// `[n, 29]`, before the action.
+    /// `[n, observation]`, before the action.
     pub observations: &'a [f32],
-    /// `[n, 8]`.
+    /// `[n, action]`.
     pub actions: &'a [f32],
     /// `[n]`.
     pub rewards: &'a [f32],
@@ -23,9 +22,9 @@ pub struct Rows<'a> {
     pub timeouts: &'a [u8],
     /// `[n, 2]`, or empty where there is none.
     pub goals: &'a [f32],
-    /// `[n, 15]`, after the action, as D4RL's script has it.
+    /// Positions, after the action, as D4RL's script has them; or empty.
     pub qpos: &'a [f32],
-    /// `[n, 14]`, after the action.
+    /// Velocities, after the action; or empty.
     pub qvel: &'a [f32],
 }
 
@@ -33,26 +32,34 @@ impl Rows<'_> {
     /// All arrays have as many rows as there are rewards.
     fn check(&self, path: &Path) -> Result<(), DatasetError> {
         let n = self.rewards.len();
-        let lengths = [
-            ("observations", self.observations.len(), OBSERVATION),
-            ("actions", self.actions.len(), ACTION),
+        let exactly = [
             ("terminals", self.terminals.len(), 1),
             ("timeouts", self.timeouts.len(), 1),
             ("infos/goal", self.goals.len(), 2),
-            ("infos/qpos", self.qpos.len(), QPOS),
-            ("infos/qvel", self.qvel.len(), QVEL),
         ];
-        match lengths.into_iter().find(|(key, length, width)| {
-            *length != n * width && (*key != "infos/goal" || *length != 0)
-        }) {
+        let of_any_width = [
+            ("observations", self.observations.len()),
+            ("actions", self.actions.len()),
+            ("infos/qpos", self.qpos.len()),
+            ("infos/qvel", self.qvel.len()),
+        ];
+        let wrong = exactly
+            .into_iter()
+            .find(|(key, length, width)| {
+                *length != n * width && (*key != "infos/goal" || *length != 0)
+            })
+            .map(|(key, length, width)| (key, length, width.to_string()))
+            .or_else(|| {
+                let mut lengths = of_any_width.into_iter();
+                let (key, length) = lengths.find(|(_, length)| length % n.max(1) != 0)?;
+                Some((key, length, "any width".to_owned()))
+            });
+        match wrong {
             Some((key, length, width)) => Err(DatasetError::Shape {
                 path: path.to_path_buf(),
                 key: key.to_owned(),
                 got: vec![length as u64],
-                expected: format!(
-                    "[{n}, {width}] flat, {} values, as 'rewards' has",
-                    n * width
-                ),
+                expected: format!("[{n}, {width}] flat, as many rows as 'rewards' has"),
             }),
             None => Ok(()),
         }
@@ -61,6 +68,8 @@ impl Rows<'_> {
 
 /// Rows of a chunk: whole rows together, unlike h5py's own guess, so that ranges read fast.
 const CHUNK: u64 = 8192;
+/// Values of a chunk at most: of images fewer rows fit.
+const CHUNK_VALUES: u64 = 1 << 20;
 
 /// Deflate level: higher ones take minutes for a million rows and save little.
 const LEVEL: u32 = 1;
@@ -88,7 +97,16 @@ pub fn stage_rows(
 ) -> Result<Staged, DatasetError> {
     let path = output.path();
     rows.check(path)?;
-    let mut builder = layout(rows).map_err(|error| failed(path, error))?;
+    let builder = layout(rows).map_err(|error| failed(path, error))?;
+    stage_layout(output, builder, made)
+}
+
+fn stage_layout(
+    output: &Output,
+    mut builder: FileBuilder,
+    made: Option<&Made>,
+) -> Result<Staged, DatasetError> {
+    let path = output.path();
     if let Some(made) = made {
         made.write(&mut builder);
     }
@@ -97,6 +115,7 @@ pub fn stage_rows(
 
 /// Writes a data set in D4RL's layout, as [`write_rows`] does. `infos/qpos` and `infos/qvel` are of
 /// the state after the action, which for an episode's last row is not known: its own stands there.
+/// They are left out where an observation is not known to be positions and velocities.
 ///
 /// # Errors
 /// Something at `path`, and what the system or the format refuses.
@@ -109,12 +128,15 @@ pub fn write(path: &Path, data: &Dataset) -> Result<(), DatasetError> {
 pub(crate) fn stage(output: &Output, data: &Dataset) -> Result<Staged, DatasetError> {
     let mut timeouts = vec![0; data.len()];
     let (mut qpos, mut qvel) = (vec![], vec![]);
+    let positions = data.shape().positions();
     for episode in &data.episodes {
         timeouts[episode.end - 1] = 1;
+        let Some(positions) = positions else { continue };
         for row in episode.clone() {
             let after = data.observation((row + 1).min(episode.end - 1));
-            qpos.extend_from_slice(&after[..QPOS]);
-            qvel.extend_from_slice(&after[QPOS..]);
+            let (position, velocity) = after.split_at(positions);
+            qpos.extend_from_slice(position);
+            qvel.extend_from_slice(velocity);
         }
     }
     let terminals: Vec<u8> = data.terminals.iter().map(|flag| u8::from(*flag)).collect();
@@ -128,7 +150,25 @@ pub(crate) fn stage(output: &Output, data: &Dataset) -> Result<Staged, DatasetEr
         qpos: &qpos,
         qvel: &qvel,
     };
-    stage_rows(output, &rows, None)
+    if data.shape().element() == Element::F32 {
+        return stage_rows(output, &rows, None);
+    }
+    let path = output.path();
+    let builder = images(data, &rows).map_err(|error| failed(path, error))?;
+    stage_layout(output, builder, None)
+}
+
+/// [`layout`] of images.
+fn images(data: &Dataset, rows: &Rows<'_>) -> Result<FileBuilder, Error> {
+    let n = data.len() as u64;
+    let mut builder = FileBuilder::new();
+    let sides = data.shape().sides().iter().map(|side| *side as u64);
+    let shape: Vec<u64> = std::iter::once(n).chain(sides).collect();
+    let array = builder.create_dataset("observations");
+    compress(array.with_u8_data(&data.images), &shape);
+    let places = [("xy", data.image_places.as_flattened(), 2)];
+    rest(&mut builder, rows, &places)?;
+    Ok(builder)
 }
 
 /// What hdf5-pure refused.
@@ -144,15 +184,32 @@ pub(crate) fn failed(path: &Path, error: Error) -> DatasetError {
 }
 
 fn layout(rows: &Rows<'_>) -> Result<FileBuilder, Error> {
-    let n = rows.rewards.len() as u64;
+    let n = rows.rewards.len();
     let mut builder = FileBuilder::new();
+    let width = |values: &[f32]| values.len() / n.max(1);
     let array = builder.create_dataset("observations");
     compress(
         array.with_f32_data(rows.observations),
-        &[n, OBSERVATION as u64],
+        &[n as u64, width(rows.observations) as u64],
     );
+    let states = [
+        ("qpos", rows.qpos, width(rows.qpos)),
+        ("qvel", rows.qvel, width(rows.qvel)),
+    ];
+    rest(&mut builder, rows, &states)?;
+    Ok(builder)
+}
+
+/// All keys but `observations`, with some more in `infos`.
+fn rest(
+    builder: &mut FileBuilder,
+    rows: &Rows<'_>,
+    more: &[(&str, &[f32], usize)],
+) -> Result<(), Error> {
+    let n = rows.rewards.len() as u64;
+    let width = rows.actions.len() as u64 / n.max(1);
     let array = builder.create_dataset("actions");
-    compress(array.with_f32_data(rows.actions), &[n, ACTION as u64]);
+    compress(array.with_f32_data(rows.actions), &[n, width]);
     let array = builder.create_dataset("rewards");
     compress(array.with_f32_data(rows.rewards), &[n]);
     for (name, values) in [("terminals", rows.terminals), ("timeouts", rows.timeouts)] {
@@ -160,19 +217,16 @@ fn layout(rows: &Rows<'_>) -> Result<FileBuilder, Error> {
         compress(array.with_enum_u8_data(bools()?, values), &[n]);
     }
     let mut infos = builder.create_group("infos");
-    for (name, values, width) in [
-        ("goal", rows.goals, 2),
-        ("qpos", rows.qpos, QPOS),
-        ("qvel", rows.qvel, QVEL),
-    ] {
-        if values.is_empty() && n > 0 {
+    let goal = ("goal", rows.goals, 2);
+    for (name, values, width) in std::iter::once(&goal).chain(more) {
+        if values.is_empty() {
             continue;
         }
         let array = infos.create_dataset(name);
-        compress(array.with_f32_data(values), &[n, width as u64]);
+        compress(array.with_f32_data(values), &[n, *width as u64]);
     }
     builder.add_group(infos.finish());
-    Ok(builder)
+    Ok(())
 }
 
 /// What h5py takes for a bool.
@@ -184,8 +238,11 @@ pub(crate) fn bools() -> Result<Datatype, Error> {
 /// Stores an array of this shape in deflated chunks of whole rows.
 pub(crate) fn compress(array: &mut DatasetBuilder, shape: &[u64]) {
     let mut chunk = shape.to_vec();
-    if let Some(rows) = chunk.first_mut() {
-        *rows = CHUNK.min((*rows).max(1));
+    if let Some((rows, sides)) = chunk.split_first_mut() {
+        let most = CHUNK_VALUES / sides.iter().product::<u64>().max(1);
+        *rows = CHUNK.min(most).min(*rows).max(1);
+        // A side of a chunk is never 0.
+        sides.iter_mut().for_each(|side| *side = (*side).max(1));
     }
     array
         .with_shape(shape)
@@ -197,6 +254,8 @@ pub(crate) fn compress(array: &mut DatasetBuilder, shape: &[u64]) {
 #[cfg(test)]
 pub(crate) mod made {
     use std::path::PathBuf;
+
+    use maze::{ACTION, OBSERVATION};
 
     use super::*;
 
@@ -219,8 +278,8 @@ pub(crate) mod made {
             terminals: &terminals,
             timeouts: &timeouts,
             goals: &[3.0; ROWS * 2],
-            qpos: &[1.0; ROWS * QPOS],
-            qvel: &[2.0; ROWS * QVEL],
+            qpos: &[1.0; ROWS * 15],
+            qvel: &[2.0; ROWS * 14],
         };
         write_rows(&path, &rows).unwrap();
         path
@@ -255,7 +314,7 @@ mod tests {
         let file = File::open(&path).unwrap();
         let qpos = file.dataset("infos/qpos").unwrap();
         assert_eq!(qpos.shape().unwrap(), [12, 15]);
-        assert_eq!(qpos.read_f32().unwrap(), [1.0; ROWS * QPOS]);
+        assert_eq!(qpos.read_f32().unwrap(), [1.0; ROWS * 15]);
         let names: Vec<_> = fs::read_dir(folder.path())
             .unwrap()
             .map(|e| e.unwrap().file_name())
@@ -274,14 +333,14 @@ mod tests {
                 .collect::<Vec<f32>>()
         };
         let rows = Rows {
-            observations: &count(OBSERVATION),
-            actions: &count(ACTION),
+            observations: &count(29),
+            actions: &count(8),
             rewards: &count(1),
             terminals: &vec![0; n],
             timeouts: &vec![0; n],
             goals: &count(2),
-            qpos: &count(QPOS),
-            qvel: &count(QVEL),
+            qpos: &count(15),
+            qvel: &count(14),
         };
         write_rows(&path, &rows).unwrap();
         let data = read(&path).unwrap();
@@ -298,14 +357,14 @@ mod tests {
         let path = written(folder.path(), |_| {});
         let before = fs::read(&path).unwrap();
         let rows = Rows {
-            observations: &[0.0; 2 * OBSERVATION],
-            actions: &[0.0; 2 * ACTION],
+            observations: &[0.0; 2 * 29],
+            actions: &[0.0; 2 * 8],
             rewards: &[0.0; 2],
             terminals: &[0; 2],
             timeouts: &[0; 2],
             goals: &[0.0; 4],
-            qpos: &[0.0; 2 * QPOS],
-            qvel: &[0.0; 2 * QVEL + 1],
+            qpos: &[0.0; 2 * 15],
+            qvel: &[0.0; 2 * 14 + 1],
         };
         let error = write_rows(&path, &rows).unwrap_err();
         assert!(

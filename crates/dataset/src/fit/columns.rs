@@ -1,6 +1,7 @@
-//! Whether the columns are those of the ant: quaternion, height, joints, actions.
+//! Whether the columns are those of the ant: quaternion, height, joints; and whether values and
+//! actions of any body are within bounds.
 
-use maze::{ACTION, JOINT_RANGES};
+use maze::JOINT_RANGES;
 
 use super::sample;
 use super::unfit::{Number, Share, Unfit};
@@ -65,7 +66,7 @@ pub(super) fn observations(data: &Dataset) -> Result<(), Unfit> {
         });
     }
     let stray = |o: &[f32]| {
-        let angles = o[JOINTS..JOINTS + ACTION].iter().zip(&JOINT_RANGES);
+        let angles = o[JOINTS..].iter().zip(&JOINT_RANGES);
         let mut far =
             angles.map(|(angle, [least, most])| *angle < least - MARGIN || *angle > most + MARGIN);
         far.position(|far| far).map(|joint| JOINTS + joint)
@@ -85,7 +86,7 @@ pub(super) fn observations(data: &Dataset) -> Result<(), Unfit> {
     }
 }
 
-/// A row with a value that no ant has, in any column but the place's own.
+/// A row with a value that no body has, in any column but the place's own.
 pub(super) fn values(data: &Dataset) -> Result<(), Unfit> {
     let huge = |row: usize| {
         let rest = &data.observation(row)[2..];

@@ -2,10 +2,9 @@
 
 use std::fmt;
 
-use maze::{
-    ACTION, Action, CELL_SIZE, Layout, OBSERVATION, Observation, mirrored, mirrored_action,
-};
+use maze::{CELL_SIZE, Layout};
 
+use super::Body;
 use crate::Dataset;
 
 /// Where the origin lies and which way the map's rows go.
@@ -69,37 +68,35 @@ impl Frame {
 pub struct Conversion {
     /// The frame that their places are in.
     pub frame: Frame,
-    /// Whether only the places are, and the ants' bodies and velocities are those of the project's
+    /// Whether only the places are, and the bodies and velocities are those of the project's
     /// frame already.
     pub places_alone: bool,
 }
 
 impl Conversion {
-    /// Converts places, goals and, in a mirrored frame, ants and actions.
+    /// Converts places, goals and, in a mirrored frame, bodies and actions.
     ///
     /// A map with y upwards is the mirror image of the same map with y downwards, and no turn
-    /// brings one onto the other. So the whole walk is mirrored, which for this ant is a walk too.
+    /// brings one onto the other. So the whole walk is mirrored, which for these bodies is a walk
+    /// too.
     pub fn apply(self, layout: &Layout, data: &mut Dataset) {
         if self.frame == Frame::D4rl {
             return;
         }
         let mirror = self.frame.is_mirrored() && !self.places_alone;
-        let (rows, _) = data.observations.as_chunks_mut::<OBSERVATION>();
-        for row in rows {
-            let place = self.frame.to_own(layout, [row[0], row[1]]);
-            if mirror {
-                *row = mirrored(row as &Observation);
+        let body = Body::of(data.shape()).filter(|_| mirror);
+        let own = |place| self.frame.to_own(layout, place);
+        let [width, action] = [data.shape().observation(), data.shape().action()];
+        let rows = data.observations.chunks_exact_mut(width.max(1));
+        for (row, action) in rows.zip(data.actions.chunks_exact_mut(action.max(1))) {
+            let place = own([row[0], row[1]]);
+            if let Some(body) = body {
+                body.mirror(row, action);
             }
             row[..2].copy_from_slice(&place);
         }
-        if mirror {
-            let (rows, _) = data.actions.as_chunks_mut::<ACTION>();
-            for row in rows {
-                *row = mirrored_action(row as &Action);
-            }
-        }
-        for goal in &mut data.goals {
-            *goal = self.frame.to_own(layout, *goal);
+        for place in data.image_places.iter_mut().chain(&mut data.goals) {
+            *place = own(*place);
         }
     }
 }

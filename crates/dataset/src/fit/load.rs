@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use config::{Config, Misfit};
 use maze::{CELL_SIZE, Layout, LayoutError};
 
-use super::{Expect, Number, Share, Unfit, check, suffices};
+use super::{Body, Expect, Number, Share, Unfit, check, suffices};
 use crate::{Dataset, DatasetError, Opened, open_with};
 
 /// What an algorithm needs of its data.
@@ -72,6 +72,7 @@ fn prepare(
     data: Dataset,
 ) -> Result<Loaded, LoadError> {
     let expect = Expect {
+        body: Body::named(&config.run.simulator),
         maze: &config.maze.layout,
         layout,
         lags: &needs.lags,
@@ -88,14 +89,11 @@ fn prepare(
     };
     let mut fit = check(&data, &expect);
     let mut notes = std::mem::take(&mut fit.notes);
-    match config.dataset.fit {
-        Misfit::Refuse => {
-            if let Some(unfit) = fit.faults.drain(..).next() {
-                return Err(refuse(unfit));
-            }
-        }
-        Misfit::Warn => notes.extend(fit.faults.iter().map(ToString::to_string)),
+    let refused = |unfit: &Unfit| config.dataset.fit == Misfit::Refuse || !unfit.can_be_waived();
+    if let Some(at) = fit.faults.iter().position(refused) {
+        return Err(refuse(fit.faults.swap_remove(at)));
     }
+    notes.extend(fit.faults.iter().map(ToString::to_string));
     let whole = fit.apply(layout, data);
     suffices(&whole, &expect).map_err(refuse)?;
     let left_out = |place| config.dataset.leaves_out(layout.cell_at(place));

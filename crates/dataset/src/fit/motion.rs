@@ -2,14 +2,15 @@
 
 use std::ops::Range;
 
-use maze::{CONTROL_SECONDS, Layout};
+use maze::CONTROL_SECONDS;
 
 use super::frame::Frame;
-use super::sample;
 use super::unfit::{Number, Share, Unfit};
+use super::{Expect, sample};
 use crate::Dataset;
 
-/// Farthest that an ant moves in a step (m): three times what the fastest make.
+/// Farthest that a body moves in a step (m): three times what the fastest ants make, and twice what
+/// Gymnasium-Robotics' point does at its limit of 5 m/s along each axis.
 pub(super) const MOST_STEP: f32 = 1.5;
 /// Share of steps that may be jumps: more, and rows are in no order.
 const JUMPS: f64 = 0.2;
@@ -25,7 +26,7 @@ const RIGHT: Range<f64> = 0.6..1.5;
 const TWICE: Range<f64> = 1.5..2.6;
 /// Least share of the velocities' variance that the change of place explains.
 const EXPLAINED: f64 = 0.2;
-/// Rows ahead, and way within them (m), by which an ant is under way, as the graph has it.
+/// Rows ahead, and way within them (m), by which a body is under way, as the graph has it.
 const AHEAD: usize = 10;
 const WAY: f32 = 0.3;
 /// And upright by more than this.
@@ -36,9 +37,14 @@ fn step(data: &Dataset, row: usize) -> f32 {
     (x - u).hypot(y - v)
 }
 
-/// Rows before a jump of the torso within an episode: there an episode ends that the file does not
+/// Rows before a jump of the body within an episode: there an episode ends that the file does not
 /// mark. Teleports of the maze are none.
-pub(super) fn jumps(data: &Dataset, layout: &Layout, frame: Frame) -> Result<Vec<usize>, Unfit> {
+pub(super) fn jumps(
+    data: &Dataset,
+    expect: &Expect<'_>,
+    frame: Frame,
+) -> Result<Vec<usize>, Unfit> {
+    let layout = expect.layout;
     let near = |row: usize, cells: &[maze::Cell]| {
         let [x, y] = frame.to_own(layout, data.place(row));
         cells.iter().any(|cell| {
@@ -54,6 +60,7 @@ pub(super) fn jumps(data: &Dataset, layout: &Layout, frame: Frame) -> Result<Vec
     let share = Share::of(jumps.len(), data.len() - data.episodes.len());
     match jumps.first() {
         Some(&row) if share.0 > JUMPS => Err(Unfit::Shuffled {
+            body: expect.body,
             share,
             most: Number(MOST_STEP),
             row,
@@ -151,7 +158,7 @@ fn told(slope: f64, explained: f64) -> String {
     format!("they are {times} times it; {meaning}")
 }
 
-/// Rows in which the ant is under way, as far as it matters whether they are `enough`.
+/// Rows in which the body is under way, as far as it matters whether they are `enough`.
 pub(super) fn moving(data: &Dataset, enough: usize) -> usize {
     let moves = |row: &usize| {
         let ([x, y], [u, v]) = (data.place(*row), data.place(row + AHEAD));

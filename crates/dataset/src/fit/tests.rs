@@ -3,7 +3,7 @@
 use maze::{ACTION, Action, Layout, OBSERVATION, Observation, mirrored, mirrored_action};
 
 use super::*;
-use crate::made;
+use crate::{Dataset, Shape, made};
 
 const LAGS: [(&str, usize); 2] = [("graph.lag", 15), ("encoder.lag", 15)];
 
@@ -65,7 +65,12 @@ fn medium() -> (Layout, Dataset) {
 }
 
 fn look(layout: &Layout, maze: &str, data: &Dataset) -> Fit {
+    look_for(Body::Ant, layout, maze, data)
+}
+
+fn look_for(body: Body, layout: &Layout, maze: &str, data: &Dataset) -> Fit {
     let expect = Expect {
+        body,
         maze,
         layout,
         lags: &LAGS,
@@ -279,6 +284,85 @@ fn ogbenchs_frame_is_recognised_where_the_start_is_elsewhere() {
     assert_close(&fit.apply(&layout, moved), &data);
 }
 
+/// The same walks by a point.
+fn by_a_point(ants: &Dataset) -> Dataset {
+    let mut data = Dataset::new(Body::Point.shape());
+    for row in 0..ants.len() {
+        let [x, y] = ants.place(row);
+        let o = ants.observation(row);
+        data.observations.extend([x, y, o[15], o[16]]);
+        data.actions.extend_from_slice(&ants.action(row)[..2]);
+        data.rewards.push(0.0);
+        data.terminals.push(false);
+    }
+    data.episodes.clone_from(&ants.episodes);
+    data.goals.clone_from(&ants.goals);
+    data
+}
+
+#[test]
+fn rows_of_another_body_are_named_and_never_taken() {
+    let (layout, ants) = medium();
+    let points = by_a_point(&ants);
+    let fault = look(&layout, "medium", &points).faults.remove(0);
+    assert_eq!(
+        fault.to_string(),
+        "the rows are observations of 4 values and actions of 2, those of the simulator 'ant' are \
+         observations of 29 values and actions of 8; they are those of the simulator 'point'; name \
+         data of 'ant'"
+    );
+    assert!(!fault.can_be_waived());
+    let images = made::of(&Shape::images(&[8, 8, 3], 8), &[20]);
+    for body in Body::ALL {
+        let fit = look_for(body, &layout, "medium", &images);
+        let told = fit.faults[0].to_string();
+        assert!(told.contains("images of 8 x 8 x 3 bytes"), "{told}");
+        assert!(told.contains("no simulator has such rows"), "{told}");
+    }
+}
+
+#[test]
+fn of_a_point_places_jumps_and_actions_are_looked_at() {
+    let (layout, ants) = medium();
+    let data = by_a_point(&ants);
+    let look =
+        |maze, data: &Dataset| look_for(Body::Point, &Layout::named(maze).unwrap(), maze, data);
+    assert_eq!(look("medium", &data), Fit::default());
+    let told = look("umaze", &data).faults[0].to_string();
+    assert!(told.contains("they fit 'medium'"), "{told}");
+    let mut strong = data.clone();
+    strong.actions.iter_mut().for_each(|value| *value *= 30.0);
+    let told = look("medium", &strong).faults[0].to_string();
+    assert!(told.contains("the largest is 30.00"), "{told}");
+    let mut merged = data.clone();
+    merged.episodes = vec![0..data.len()];
+    let half = data.len() / 2 * 4;
+    merged.observations.copy_within(..half, half);
+    assert_eq!(look("medium", &merged).cuts.len(), 1);
+    let mut mirrored = as_gymnasium(&layout, &ants, true);
+    mirrored = by_a_point(&mirrored);
+    mirrored.actions.clone_from(&data.actions);
+    let actions = mirrored.actions.chunks_exact_mut(2);
+    actions.for_each(|action| action[1] = -action[1]);
+    let fit = look("medium", &mirrored);
+    assert_eq!(fit.conversion.frame, Frame::GymnasiumRobotics);
+    assert_close(&fit.apply(&layout, mirrored), &data);
+    let expect = Expect {
+        body: Body::Point,
+        maze: "medium",
+        layout: &layout,
+        lags: &LAGS,
+        nodes: 20,
+    };
+    assert_eq!(suffices(&data, &expect), Ok(()));
+    let still = Dataset {
+        observations: vec![0.0; data.observations.len()],
+        ..data
+    };
+    let told = suffices(&still, &expect).unwrap_err().to_string();
+    assert!(told.starts_with("the point is under way in 0 of"), "{told}");
+}
+
 #[test]
 fn half_steps_are_told_and_taken() {
     let (layout, mut data) = medium();
@@ -371,6 +455,7 @@ fn teleports_are_no_ends() {
 fn too_short_and_still_data_are_refused() {
     let (layout, data) = medium();
     let expect = Expect {
+        body: Body::Ant,
         maze: "medium",
         layout: &layout,
         lags: &LAGS,
@@ -392,14 +477,14 @@ fn too_short_and_still_data_are_refused() {
         .chunks_exact_mut(OBSERVATION)
         .for_each(|o| o.copy_from_slice(&first));
     assert!(told(&still).contains("under way in 0 of 400 rows"));
-    assert!(told(&Dataset::default()).contains("the longest of 0 has 0"));
+    assert!(told(&Dataset::new(Shape::ant())).contains("the longest of 0 has 0"));
 }
 
 #[test]
 fn no_data_panic() {
     let layout = Layout::named("umaze").unwrap();
     for data in [
-        Dataset::default(),
+        Dataset::new(Shape::ant()),
         made::along(&[&[[0.0; 2]]]),
         made::along(&[&[[f32::MAX, f32::MIN]; 40]]),
         made::varied(&[1, 1, 30]),

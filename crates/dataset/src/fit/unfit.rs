@@ -2,9 +2,26 @@
 
 use std::fmt;
 
+use super::Body;
+use crate::Shape;
+
 /// Why a run cannot learn from a data set. One sentence each: what, how much, what to do.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Unfit {
+    /// Rows of another body.
+    #[error(
+        "the rows are {found}, those of the simulator '{body}' are {wanted}; {instead}; name data of \
+         '{body}'",
+        wanted = .body.shape()
+    )]
+    Shape {
+        /// What the file has.
+        found: Shape,
+        /// The run's body.
+        body: Body,
+        /// Whose rows they are, in words.
+        instead: String,
+    },
     /// Columns 3 to 6 are no rotation.
     #[error(
         "columns 3 to 6 of the observations are no unit quaternion in {share} of the rows{found}; \
@@ -139,26 +156,31 @@ pub enum Unfit {
     },
     /// Rows that do not follow each other.
     #[error(
-        "{share} of successive rows lie more than {most} m apart, farther than an ant moves in \
+        "{share} of successive rows lie more than {most} m apart, farther than the {body} moves in \
          0.1 s (first after row {row}: {jump} m); are the rows shuffled? They must be in the order \
          of time"
     )]
     Shuffled {
+        /// The run's body.
+        body: Body,
         /// Share of pairs of rows.
         share: Share,
-        /// Farthest that an ant moves in a step (m).
+        /// Farthest that the body moves in a step (m).
         most: Number,
         /// First row before a jump.
         row: usize,
         /// That jump (m).
         jump: Number,
     },
-    /// An ant that stays where it is.
+    /// A body that stays where it is.
     #[error(
-        "the ant is under way in {moving} of {rows} rows (0.3 m or more within 10 steps, upright), \
-         fewer than graph.nodes = {nodes}; give data in which it walks, or lower graph.nodes"
+        "the {body} is under way in {moving} of {rows} rows (0.3 m or more within 10 steps{upright}), \
+         fewer than graph.nodes = {nodes}; give data in which it moves, or lower graph.nodes",
+        upright = if *body == Body::Ant { ", upright" } else { "" }
     )]
     Still {
+        /// The run's body.
+        body: Body,
         /// Rows in which it moves.
         moving: usize,
         /// All rows.
@@ -186,10 +208,14 @@ pub enum Unfit {
 }
 
 impl Unfit {
-    /// Whether a run may go on regardless: not where there is nothing to learn from.
+    /// Whether a run may go on regardless: not with rows of another body, and not where there is
+    /// nothing to learn from.
     #[must_use]
     pub fn can_be_waived(&self) -> bool {
-        !matches!(self, Self::Still { .. } | Self::TooShort { .. })
+        !matches!(
+            self,
+            Self::Shape { .. } | Self::Still { .. } | Self::TooShort { .. }
+        )
     }
 }
 

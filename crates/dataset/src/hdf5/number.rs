@@ -7,7 +7,7 @@ use crate::number::{Decode, Kind, decoder};
 
 /// A value of any number type; bools, which h5py stores as enums, are 0 and 1.
 #[derive(Clone, Copy)]
-pub(super) struct Number(pub(super) f32);
+pub(crate) struct Number(pub(super) f32);
 
 impl H5Type for Number {
     fn hdf5_type() -> Datatype {

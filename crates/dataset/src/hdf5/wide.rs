@@ -18,7 +18,7 @@ use super::filters;
 use super::number::Number;
 
 /// Such an array's chunks.
-pub(super) struct Wide {
+pub(crate) struct Wide {
     group: Group,
     chunks: Vec<ChunkEntry>,
     /// Sides of a chunk.

@@ -6,17 +6,15 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::{MAIN, METADATA, PROPRIOCEPTION};
+use super::episode::{Found, LAYOUT, Layout, episode, room};
+use super::{MAIN, METADATA};
 use crate::error::io_error;
 use crate::fault::Faults;
-use crate::hdf5::{Folder, Key, OtherFiles, Reader, Width, zeros};
-use crate::{ACTION, Dataset, DatasetError, Dropped, OBSERVATION, OnFault, parallel};
+use crate::hdf5::{OtherFiles, Reader, Width};
+use crate::{Dataset, DatasetError, Dropped, OnFault, parallel};
 
 /// What groups of episodes are named, before their number.
 const EPISODE: &str = "episode_";
-/// What is said where a key is missing.
-const LAYOUT: &str = "Minari's layout wants actions, rewards, terminations and truncations in each \
-                      episode, and observations with observation, achieved_goal and desired_goal";
 /// What some editors put before a text.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
@@ -96,38 +94,6 @@ fn told_episodes(path: &Path, bytes: &[u8]) -> Result<usize, DatasetError> {
         })
 }
 
-/// An episode's room in the flat arrays; all but `observations` and `goals` without the last row.
-struct Room<'a> {
-    folder: Folder,
-    actions: Key,
-    into: Flat<'a>,
-}
-
-/// Slices of flat arrays.
-struct Flat<'a> {
-    observations: &'a mut [f32],
-    actions: &'a mut [f32],
-    rewards: &'a mut [f32],
-    terminals: &'a mut [bool],
-    goals: &'a mut [[f32; 2]],
-}
-
-impl<'a> Flat<'a> {
-    /// Cuts the first rows off.
-    fn take(&mut self, rows: usize) -> Self {
-        fn cut<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
-            slice.split_off_mut(..count).unwrap_or_default()
-        }
-        Flat::<'a> {
-            observations: cut(&mut self.observations, rows * OBSERVATION),
-            actions: cut(&mut self.actions, rows * ACTION),
-            rewards: cut(&mut self.rewards, rows),
-            terminals: cut(&mut self.terminals, rows),
-            goals: cut(&mut self.goals, rows),
-        }
-    }
-}
-
 /// [`read`] of an open file; `told` is the number of episodes that its metadata tell of.
 pub(crate) fn from_reader(
     reader: &Reader<'_>,
@@ -136,46 +102,52 @@ pub(crate) fn from_reader(
 ) -> Result<(Dataset, Dropped), DatasetError> {
     let faults = Faults::new(on_fault);
     let (found, of) = lengths(reader, told, &faults)?;
+    let layout = layout(reader, &found)?;
+    let action = actions_width(&found).or(found.first().map(|found| found.actions.width));
+    let shape = layout.shape(action.unwrap_or(1).max(1));
     let (mut episodes, mut rows) = (vec![], 0_usize);
-    for (_, _, actions) in &found {
+    for Found { actions, .. } in &found {
         let end = rows.saturating_add(actions.rows).saturating_add(1);
         episodes.push(rows..end);
         rows = end;
     }
     // Groups can share an array, so that each is sound and all together are not.
-    if rows as u64 > reader.most() / OBSERVATION as u64 {
+    let widest = shape.observation().max(shape.action());
+    if rows as u64 > reader.most() / widest as u64 {
         return Err(reader.refuse(format!("{rows} rows are more than the file can hold")));
     }
-    let zeros = |count| zeros(count).map_err(|error| reader.refuse(error));
-    let mut data = Dataset {
-        observations: zeros(rows * OBSERVATION)?,
-        actions: zeros(rows * ACTION)?,
-        rewards: zeros(rows)?,
-        terminals: vec![false; rows],
-        goals: vec![[0.0; 2]; rows],
-        episodes,
-    };
-    let mut flat = Flat {
-        observations: &mut data.observations,
-        actions: &mut data.actions,
-        rewards: &mut data.rewards,
-        terminals: &mut data.terminals,
-        goals: &mut data.goals,
-    };
-    let numbers: Vec<usize> = found.iter().map(|(number, ..)| *number).collect();
-    let rooms = found.into_iter().map(|(number, folder, actions)| {
-        let into = flat.take(actions.rows + 1);
-        let room = Room {
-            folder,
-            actions,
-            into,
-        };
-        (number, room)
+    let mut data = Dataset::new(shape);
+    let room = room(&mut data, rows);
+    let mut flat = room.map_err(|error| reader.refuse(error))?;
+    let numbers: Vec<usize> = found.iter().map(|found| found.number).collect();
+    let jobs = found.into_iter().map(|found| {
+        let into = flat.take(found.actions.rows + 1);
+        (found, into)
     });
-    parallel::each(rooms.collect(), |(number, room)| {
-        episode(reader, room).or_else(|error| faults.note(number..number + 1, error))
+    parallel::each(jobs.collect(), |(found, into)| {
+        let places = found.number..found.number + 1;
+        episode(reader, &layout, &found, into).or_else(|error| faults.note(places, error))
     })?;
+    data.episodes = episodes;
     faults.drop_numbers(reader.path(), data, &numbers, of)
+}
+
+/// Values of an action, as the first one has them.
+fn actions_width(found: &[Found]) -> Option<usize> {
+    let acted = found.iter().find(|found| found.actions.rows > 0);
+    acted.map(|found| found.actions.width)
+}
+
+/// That of the first episode that can be read.
+fn layout(reader: &Reader<'_>, found: &[Found]) -> Result<Layout, DatasetError> {
+    let mut first = None;
+    for found in found {
+        match Layout::of(reader, found) {
+            Ok(layout) => return Ok(layout),
+            Err(error) => first = first.or(Some(error)),
+        }
+    }
+    Err(first.unwrap_or_else(|| reader.refuse("no episode can be read")))
 }
 
 /// Number, folder and actions of each episode whose length can be told, and how many episodes there
@@ -184,7 +156,7 @@ fn lengths(
     reader: &Reader<'_>,
     told: Option<usize>,
     faults: &Faults,
-) -> Result<(Vec<(usize, Folder, Key)>, usize), DatasetError> {
+) -> Result<(Vec<Found>, usize), DatasetError> {
     let present: BTreeSet<usize> = reader.numbered(EPISODE)?.into_iter().collect();
     let count = present.len();
     let of = present.last().map_or(0, |last| last.saturating_add(1));
@@ -210,14 +182,18 @@ fn lengths(
         return Err(faults.too_many(reader.path(), of - count, of, error));
     }
     let root = reader.root()?;
-    let mut found = Vec::with_capacity(count);
+    let mut found: Vec<Found> = Vec::with_capacity(count);
     for number in 0..of {
         let name = format!("{EPISODE}{number}");
         let opened = if present.contains(&number) {
             reader.folder(&root, &name).and_then(|folder| {
-                let width = Width::Exactly(ACTION);
+                let width = actions_width(&found).map_or(Width::AtLeast(1), Width::Exactly);
                 let actions = reader.key(&folder, "actions", None, width, LAYOUT)?;
-                Ok((number, folder, actions))
+                Ok(Found {
+                    number,
+                    folder,
+                    actions,
+                })
             })
         } else {
             Err(missing_episode(reader, number, count))
@@ -235,57 +211,15 @@ fn missing_episode(reader: &Reader<'_>, number: usize, count: usize) -> DatasetE
     reader.error(&format!("{EPISODE}{number}"), reason)
 }
 
-/// Reads one episode.
-fn episode(reader: &Reader<'_>, room: Room<'_>) -> Result<(), DatasetError> {
-    let Room {
-        folder,
-        actions,
-        into,
-    } = room;
-    let steps = actions.rows;
-    let key = |name: &str, rows: usize, width| reader.key(&folder, name, Some(rows), width, LAYOUT);
-    // A fault in an episode is one of all of it.
-    let faults = Faults::new(OnFault::Refuse);
-    let rows = |key: &Key, into: &mut [f32]| reader.rows(key, 0, into, &faults);
-    let rewards = key("rewards", steps, Width::Exactly(1))?;
-    let terminations = key("terminations", steps, Width::Exactly(1))?;
-    key("truncations", steps, Width::Exactly(1))?;
-    let after = steps + 1;
-    let rest = key(
-        "observations/observation",
-        after,
-        Width::AtLeast(PROPRIOCEPTION),
-    )?;
-    let places = key("observations/achieved_goal", after, Width::Exactly(2))?;
-    let goals = key("observations/desired_goal", after, Width::Exactly(2))?;
-
-    rows(&actions, &mut into.actions[..steps * ACTION])?;
-    rows(&rewards, &mut into.rewards[..steps])?;
-    rows(&goals, into.goals.as_flattened_mut())?;
-    let read = |key: &Key| -> Result<Vec<f32>, DatasetError> {
-        let mut values = zeros(key.rows * key.width).map_err(|error| reader.refuse(error))?;
-        rows(key, &mut values)?;
-        Ok(values)
-    };
-    for (flag, value) in into.terminals.iter_mut().zip(read(&terminations)?) {
-        *flag = value > 0.0;
-    }
-    let (places, rest, width) = (read(&places)?, read(&rest)?, rest.width);
-    for (row, into) in into.observations.chunks_exact_mut(OBSERVATION).enumerate() {
-        into[..2].copy_from_slice(&places[2 * row..2 * row + 2]);
-        into[2..].copy_from_slice(&rest[width * row..width * row + PROPRIOCEPTION]);
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::PathBuf;
 
     use hdf5_pure::FileBuilder;
+    use maze::ACTION;
 
     use super::*;
-    use crate::{made, minari};
+    use crate::{Shape, made, minari};
 
     /// The folder of two episodes, of three rows and of two, and its main file's bytes.
     fn written(within: &Path) -> (PathBuf, Vec<u8>) {
@@ -360,8 +294,68 @@ mod tests {
             assert_eq!(data.observation(1)[..3], [2.0, 3.0, width as f32]);
             assert_eq!(data.observation(2)[28], 2.0 * width as f32 + 26.0);
         }
-        let error = made_up(26, "", "").unwrap_err().to_string();
-        let wanted = "'episode_0/observations/observation' has shape [3, 26], expected [3, 27 or";
+        // Of another body all of it.
+        assert_eq!(made_up(26, "", "").unwrap().shape().observation(), 28);
+    }
+
+    #[test]
+    fn rows_of_any_shape_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, shape) in [
+            ("point-v0", Shape::vectors(4, 2)),
+            ("other-v0", Shape::vectors(27, 1)),
+            ("images-v0", Shape::images(&[64, 64, 3], 8)),
+        ] {
+            let path = folder.path().join(name);
+            let data = made::of(&shape, &[3, 1, 40]);
+            minari::write(&path, &data).unwrap();
+            let found = read(&path).unwrap();
+            made::sound(&found);
+            assert_eq!(found.shape(), &shape, "{name}");
+            assert_eq!(found.observations, data.observations);
+            assert_eq!(found.images, data.images);
+            assert_eq!(found.image_places, data.image_places);
+            assert_eq!(
+                (&found.episodes, &found.goals),
+                (&data.episodes, &data.goals)
+            );
+            assert_eq!(found.action(41), data.action(41));
+        }
+    }
+
+    #[test]
+    fn episodes_of_another_width_are_faults() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, _) = written(folder.path());
+        let mut other = FileBuilder::new();
+        for (number, width) in [(0, 2), (1, 3)] {
+            let mut group = other.create_group(&format!("episode_{number}"));
+            let mut states = group.create_group("observations");
+            for (name, width) in [
+                ("observation", 4),
+                ("achieved_goal", 2),
+                ("desired_goal", 2),
+            ] {
+                let array = states.create_dataset(name);
+                array.with_f32_data(&vec![0.0; 2 * width]);
+                array.with_shape(&[2, width as u64]);
+            }
+            group.add_group(states.finish());
+            for (name, width) in [
+                ("actions", width),
+                ("rewards", 1),
+                ("terminations", 1),
+                ("truncations", 1),
+            ] {
+                let array = group.create_dataset(name);
+                array.with_f32_data(&vec![0.0; width]);
+                array.with_shape(&[1, width as u64]);
+            }
+            other.add_group(group.finish());
+        }
+        let error = read_bytes(&path, other.finish().unwrap()).unwrap_err();
+        let error = error.to_string();
+        let wanted = "'episode_1/actions' has shape [1, 3], expected [n, 2]";
         assert!(error.contains(wanted), "{error}");
     }
 

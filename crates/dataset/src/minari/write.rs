@@ -2,16 +2,17 @@
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
+use std::ops::Range;
 use std::path::Path;
 
 use durable::{Existing, Output, Staged};
 use hdf5_pure::{AttrValue, Error, FileBuilder, GroupBuilder};
 use serde_json::json;
 
-use super::{HOLDS, MAIN, METADATA, PROPRIOCEPTION};
+use super::{HOLDS, MAIN, METADATA};
 use crate::d4rl::{bools, compress, failed};
 use crate::error::io_error;
-use crate::{ACTION, Dataset, DatasetError, OBSERVATION};
+use crate::{Dataset, DatasetError, Element, Shape};
 
 /// The oldest version of Minari whose layout this is; what newer ones ask of the metadata.
 const VERSION: &str = "0.5.0";
@@ -22,7 +23,8 @@ const VERSION: &str = "0.5.0";
 ///
 /// An episode of n rows has n - 1 actions here: its last row's action, reward and terminal are
 /// dropped, as no state follows them. Terminals become `terminations`; the end is a truncation
-/// otherwise. Where there are no goals, `desired_goal` is zero.
+/// otherwise. Where there are no goals, `desired_goal` is zero. An ant's place is in `achieved_goal`
+/// alone, as in AntMaze; other observations are whole in `observation`.
 ///
 /// # Errors
 /// A path that is there already, and what the system or the format refuses.
@@ -57,14 +59,15 @@ pub(crate) fn stage(output: &Output, data: &Dataset) -> Result<Staged, DatasetEr
 
 fn layout(data: &Dataset) -> Result<FileBuilder, Error> {
     let mut builder = FileBuilder::new();
+    let width = data.shape().action();
     for (number, rows) in data.episodes.iter().enumerate() {
         let steps = rows.len() - 1;
         let acted = rows.start..rows.end - 1;
         let mut group = builder.create_group(&format!("episode_{number}"));
         group.set_attr("id", AttrValue::I64(number as i64));
         group.set_attr("total_steps", AttrValue::I64(steps as i64));
-        let actions = &data.actions[acted.start * ACTION..acted.end * ACTION];
-        array(&mut group, "actions", actions, steps, ACTION);
+        let actions = &data.actions[acted.start * width..acted.end * width];
+        array(&mut group, "actions", actions, steps, width);
         let rewards = group.create_dataset("rewards");
         compress(
             rewards.with_f32_data(&data.rewards[acted.clone()]),
@@ -80,26 +83,48 @@ fn layout(data: &Dataset) -> Result<FileBuilder, Error> {
             compress(array.with_enum_u8_data(bools()?, &flags), &[steps as u64]);
         }
         let mut observations = group.create_group("observations");
-        let states = &data.observations[rows.start * OBSERVATION..rows.end * OBSERVATION];
-        let part = |from: usize, to: usize| -> Vec<f32> {
-            let states = states.chunks_exact(OBSERVATION);
-            states.flat_map(|state| &state[from..to]).copied().collect()
-        };
-        let goals = match data.goals.get(rows.clone()) {
-            Some(goals) => goals.as_flattened().to_vec(),
-            None => vec![0.0; 2 * rows.len()],
-        };
-        for (name, values, width) in [
-            ("observation", part(2, OBSERVATION), PROPRIOCEPTION),
-            ("achieved_goal", part(0, 2), 2),
-            ("desired_goal", goals, 2),
-        ] {
-            array(&mut observations, name, &values, rows.len(), width);
-        }
+        states(&mut observations, data, rows.clone());
         group.add_group(observations.finish());
         builder.add_group(group.finish());
     }
     Ok(builder)
+}
+
+/// The arrays of a row for each state.
+fn states(group: &mut GroupBuilder, data: &Dataset, rows: Range<usize>) {
+    let shape = data.shape();
+    let width = shape.observation();
+    let n = rows.len();
+    match shape.element() {
+        Element::F32 => {
+            let left_out = if is_apart(shape) { 2 } else { 0 };
+            let states: Vec<f32> = rows
+                .clone()
+                .flat_map(|row| &data.observation(row)[left_out..])
+                .copied()
+                .collect();
+            array(group, "observation", &states, n, width - left_out);
+        }
+        Element::U8 => {
+            let sides = shape.sides().iter().map(|side| *side as u64);
+            let sides: Vec<u64> = std::iter::once(n as u64).chain(sides).collect();
+            let bytes = &data.images[rows.start * width..rows.end * width];
+            let array = group.create_dataset("observation");
+            compress(array.with_u8_data(bytes), &sides);
+        }
+    }
+    let places: Vec<f32> = rows.clone().flat_map(|row| data.place(row)).collect();
+    array(group, "achieved_goal", &places, n, 2);
+    let goals = match data.goals.get(rows) {
+        Some(goals) => goals.as_flattened().to_vec(),
+        None => vec![0.0; 2 * n],
+    };
+    array(group, "desired_goal", &goals, n, 2);
+}
+
+/// Whether `observation` lacks the place.
+fn is_apart(shape: &Shape) -> bool {
+    shape.element() == Element::F32 && shape.observation() == maze::OBSERVATION
 }
 
 fn array(group: &mut GroupBuilder, name: &str, values: &[f32], rows: usize, width: usize) {
@@ -110,18 +135,18 @@ fn array(group: &mut GroupBuilder, name: &str, values: &[f32], rows: usize, widt
 /// What Minari needs to open the folder. Spaces are JSON texts within the JSON, with infinities as
 /// Python's `json` has them.
 fn metadata(path: &Path, data: &Dataset) -> String {
-    let unbounded = |width: usize| {
-        let side = |value: &str| vec![value; width].join(", ");
-        let (low, high) = (side("-Infinity"), side("Infinity"));
-        boxed(width, &low, &high)
+    let unbounded = |width: usize| boxed("float32", &[width], ["-Infinity", "Infinity"]);
+    let shape = data.shape();
+    let observation = match shape.element() {
+        Element::F32 if is_apart(shape) => unbounded(shape.observation() - 2),
+        Element::F32 => unbounded(shape.observation()),
+        Element::U8 => boxed("uint8", shape.sides(), ["0", "255"]),
     };
     let observation_space = format!(
-        r#"{{"type": "Dict", "subspaces": {{"achieved_goal": {}, "desired_goal": {}, "observation": {}}}}}"#,
+        r#"{{"type": "Dict", "subspaces": {{"achieved_goal": {}, "desired_goal": {}, "observation": {observation}}}}}"#,
         unbounded(2),
         unbounded(2),
-        unbounded(PROPRIOCEPTION)
     );
-    let side = |value: &str| [value; ACTION].join(", ");
     let metadata = json!({
         "dataset_id": id(path),
         "minari_version": VERSION,
@@ -129,15 +154,23 @@ fn metadata(path: &Path, data: &Dataset) -> String {
         "total_episodes": data.episodes.len(),
         "total_steps": data.len() - data.episodes.len(),
         "observation_space": observation_space,
-        "action_space": boxed(ACTION, &side("-1.0"), &side("1.0")),
+        "action_space": boxed("float32", &[shape.action()], ["-1.0", "1.0"]),
     });
     metadata.to_string()
 }
 
-/// Minari's JSON of a Gymnasium `Box` of so many f32 values.
-fn boxed(width: usize, low: &str, high: &str) -> String {
+/// Minari's JSON of a Gymnasium `Box` whose values all have the same bounds.
+fn boxed(kind: &str, sides: &[usize], bounds: [&str; 2]) -> String {
+    let [low, high] = bounds.map(|bound| {
+        let lists = sides.iter().rev();
+        lists.fold(bound.to_owned(), |inner, side| {
+            format!("[{}]", vec![inner; *side].join(", "))
+        })
+    });
+    let sides: Vec<String> = sides.iter().map(usize::to_string).collect();
+    let sides = sides.join(", ");
     format!(
-        r#"{{"type": "Box", "dtype": "float32", "shape": [{width}], "low": [{low}], "high": [{high}]}}"#
+        r#"{{"type": "Box", "dtype": "{kind}", "shape": [{sides}], "low": {low}, "high": {high}}}"#
     )
 }
 

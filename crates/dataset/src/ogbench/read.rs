@@ -1,30 +1,26 @@
 //! Reads npz files of OGBench.
 
 use std::fs;
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 use std::path::Path;
 
-use zip::{CompressionMethod, ZipArchive};
+use zip::ZipArchive;
 
-use super::npy;
+use super::entry::{Array, Entry, Values};
 use crate::error::io_error;
 use crate::fault::Faults;
-use crate::{ACTION, Dataset, DatasetError, Dropped, OBSERVATION, OnFault, episodes, parallel};
+use crate::hdf5::Width;
+use crate::{Dataset, DatasetError, Dropped, OnFault, Shape, episodes, parallel};
 
-/// No deflated byte stands for more than 1032 bytes (zlib's technical notes).
-const INFLATION: u64 = 1032;
-
-/// Entries of the archive that an error tells at most.
-const NAMES: usize = 12;
 /// What is said where an array is missing.
 const LAYOUT: &str = "OGBench's layout wants observations, actions and terminals, D4RL's and \
                       Minari's an HDF5 file";
+/// What is said where images have no places.
+const PLACES: &str = "images need it, whose first two values are x and y (m) of each row";
 
-/// Values that are decoded at a time.
-const BLOCK: usize = 1 << 14;
-
-/// Reads a file of OGBench, for training or for validation. Numbers and bools of any type are
-/// taken, deflated or not. Rewards are zero, [`Dataset::terminals`] false, and there are no goals;
+/// Reads a file of OGBench, for training or for validation. Observations and actions may have any
+/// width; numbers and bools of any type are taken, deflated or not. Observations of bytes with more
+/// than two sides are images, whose places are the first two values of `qpos`. Rewards are zero, [`Dataset::terminals`] false, and there are no goals;
 /// rows after the last mark of an end are an episode too.
 ///
 /// # Errors
@@ -57,192 +53,67 @@ pub(crate) fn read_with(
     };
     let archive = ZipArchive::new(Cursor::new(bytes))
         .map_err(|error| refuse(format!("not a zip archive that can be read: {error}")))?;
-    let mut arrays = [const { Vec::new() }; 3];
-    let names = [
-        ("observations", OBSERVATION),
-        ("actions", ACTION),
-        ("terminals", 1),
+    let entry = |name, width| Entry {
+        path,
+        name,
+        width,
+        layout: LAYOUT,
+    };
+    let entries = [
+        entry("observations", Width::AtLeast(2)),
+        entry("actions", Width::AtLeast(1)),
+        entry("terminals", Width::Exactly(1)),
     ];
-    let jobs = names.into_iter().zip(&mut arrays).collect();
-    parallel::each(jobs, |((name, width), values): (_, &mut Vec<f32>)| {
-        let entry = Entry { path, name, width };
+    let mut arrays = [const { None }; 3];
+    let jobs = entries.iter().zip(&mut arrays).collect();
+    parallel::each(jobs, |(entry, array): (&Entry<'_>, &mut Option<Array>)| {
         // Without the marks of their ends episodes cannot be told apart.
         let strict = Faults::new(OnFault::Refuse);
-        let faults = if name == "terminals" {
+        let faults = if entry.name == "terminals" {
             &strict
         } else {
             &faults
         };
-        *values = entry.values(&mut archive.clone(), faults)?;
+        *array = Some(entry.array(&mut archive.clone(), faults)?);
         Ok::<(), DatasetError>(())
     })?;
-    let [observations, actions, terminals] = arrays;
-    let rows = observations.len() / OBSERVATION;
-    for ((name, width), length) in
-        names
-            .iter()
-            .zip([observations.len(), actions.len(), terminals.len()])
-    {
-        if length != rows * width {
-            let entry = Entry {
-                path,
-                name,
-                width: *width,
-            };
-            return Err(entry.shape(vec![(length / width) as u64, *width as u64], Some(rows)));
-        }
+    let [Some(observations), Some(actions), Some(terminals)] = arrays else {
+        return Err(refuse("cannot be read".to_owned()));
+    };
+    let rows = observations.rows;
+    for (entry, array) in entries.iter().zip([&observations, &actions, &terminals]) {
+        entry.of_rows(array, rows)?;
     }
     if rows == 0 {
         return Err(refuse("no episode: its arrays have no row".to_owned()));
     }
-    let ends: Vec<bool> = terminals.iter().map(|value| *value > 0.0).collect();
-    let data = Dataset {
-        observations,
-        actions,
-        rewards: vec![0.0; rows],
-        terminals: vec![false; rows],
-        episodes: episodes(&ends),
-        goals: vec![],
+    let ends = terminals.values.into_floats();
+    let ends: Vec<bool> = ends.iter().map(|value| *value > 0.0).collect();
+    let shape = match &observations.values {
+        Values::Floats(_) => Shape::vectors(observations.width, actions.width),
+        Values::Bytes(_) => Shape::images(&observations.sides, actions.width),
     };
+    let mut data = Dataset::new(shape);
+    match observations.values {
+        Values::Floats(values) => data.observations = values,
+        Values::Bytes(images) => {
+            let entry = Entry {
+                layout: PLACES,
+                ..entry("qpos", Width::AtLeast(2))
+            };
+            let positions = entry.array(&mut archive.clone(), &faults)?;
+            entry.of_rows(&positions, rows)?;
+            let states = positions.values.into_floats();
+            let states = states.chunks_exact(positions.width);
+            data.image_places = states.map(|state| [state[0], state[1]]).collect();
+            data.images = images;
+        }
+    }
+    data.actions = actions.values.into_floats();
+    data.rewards = vec![0.0; rows];
+    data.terminals = vec![false; rows];
+    data.episodes = episodes(&ends);
     faults.drop_rows(path, data)
-}
-
-/// An array of the archive.
-struct Entry<'a> {
-    path: &'a Path,
-    name: &'static str,
-    width: usize,
-}
-
-impl Entry<'_> {
-    fn error(&self, reason: impl std::fmt::Display) -> DatasetError {
-        DatasetError::Key {
-            path: self.path.to_path_buf(),
-            key: self.name.to_owned(),
-            reason: reason.to_string(),
-        }
-    }
-
-    fn shape(&self, got: Vec<u64>, rows: Option<usize>) -> DatasetError {
-        let rows = rows.map_or("n".to_owned(), |rows| rows.to_string());
-        DatasetError::Shape {
-            path: self.path.to_path_buf(),
-            key: self.name.to_owned(),
-            got,
-            expected: match self.width {
-                1 => format!("[{rows}]"),
-                width => format!("[{rows}, {width}]"),
-            },
-        }
-    }
-
-    /// The number of the archive's entry that holds the array: `NAME.npy`, as numpy has it, or that
-    /// within a folder.
-    fn entry(&self, archive: &ZipArchive<Cursor<&[u8]>>) -> Result<usize, DatasetError> {
-        let file = format!("{}.npy", self.name);
-        let within = format!("/{file}");
-        if let Some(number) = archive.index_for_name(&file) {
-            return Ok(number);
-        }
-        // A name that is no text is none of numpy's.
-        let mut names: Vec<_> = archive.file_names().flatten().collect();
-        let mut found = names.iter().filter(|name| name.ends_with(&within));
-        if let (Some(name), None) = (found.next(), found.next())
-            && let Some(number) = archive.index_for_name(name)
-        {
-            return Ok(number);
-        }
-        names.sort_unstable();
-        let more = names.len().saturating_sub(NAMES);
-        names.truncate(NAMES);
-        let more = if more > 0 {
-            format!(" and {more} more")
-        } else {
-            String::new()
-        };
-        let names = names.join(", ");
-        Err(self.error(format!("is missing among {names}{more}; {LAYOUT}")))
-    }
-
-    /// All values, row by row.
-    fn values(
-        &self,
-        archive: &mut ZipArchive<Cursor<&[u8]>>,
-        faults: &Faults,
-    ) -> Result<Vec<f32>, DatasetError> {
-        let number = self.entry(archive)?;
-        let method = archive.by_index_raw(number).map(|file| file.compression());
-        let method = method.map_err(|error| self.error(error))?;
-        if !matches!(
-            method,
-            CompressionMethod::Stored | CompressionMethod::Deflated
-        ) {
-            return Err(self.error(format!(
-                "is compressed with {method}, which is not read; np.savez_compressed('new.npz', \
-                 **np.load('old.npz')) writes one that is"
-            )));
-        }
-        let mut file = archive
-            .by_index(number)
-            .map_err(|error| self.error(error))?;
-        let most = file.compressed_size().saturating_mul(INFLATION);
-        let head = npy::header(&mut file).map_err(|reason| self.error(reason))?;
-        // Flags come as (n,) and as (n, 1).
-        let columns = head
-            .shape
-            .iter()
-            .skip(1)
-            .try_fold(1_u64, |all, side| all.checked_mul(*side));
-        if head.shape.is_empty() || columns != Some(self.width as u64) {
-            return Err(self.shape(head.shape, None));
-        }
-        let Some((size, number)) = npy::number(&head.descr) else {
-            return Err(self.error(format!("is of type {}, not of numbers", head.descr)));
-        };
-        // Believe no length that the archive cannot hold: allocation would end the process.
-        let rows = head.shape[0];
-        if rows > most / (size * self.width) as u64 {
-            let packed = file.compressed_size();
-            return Err(self.error(format!("{rows} rows are more than {packed} bytes can hold")));
-        }
-        let rows = rows as usize;
-        let mut values = Vec::new();
-        values
-            .try_reserve_exact(rows * self.width)
-            .map_err(|error| self.error(error))?;
-        let mut block = vec![0; BLOCK.min(rows * self.width) * size];
-        while values.len() < rows * self.width {
-            let count = BLOCK.min(rows * self.width - values.len());
-            let row = values.len() / self.width;
-            let bytes = &mut block[..count * size];
-            file.read_exact(bytes)
-                .map_err(|error| self.error(format!("damaged at or after row {row}: {error}")))?;
-            values.extend(bytes.chunks_exact(size).map(number));
-        }
-        // The archive's checksum is compared at its entry's end.
-        match file.read(&mut [0]) {
-            Ok(0) => {}
-            Ok(_) => return Err(self.error("holds more values than its shape")),
-            Err(error) => return Err(self.error(error)),
-        }
-        if head.fortran {
-            let columns = values;
-            values = (0..columns.len())
-                .map(|at| columns[at % self.width * rows + at / self.width])
-                .collect();
-        }
-        for (row, values) in values.chunks_exact(self.width).enumerate() {
-            if !values.iter().all(|value| value.is_finite()) {
-                let error = DatasetError::NotFinite {
-                    path: self.path.to_path_buf(),
-                    key: self.name.to_owned(),
-                    row,
-                };
-                faults.note(row..row + 1, error)?;
-            }
-        }
-        Ok(values)
-    }
 }
 
 #[cfg(test)]
@@ -252,6 +123,7 @@ mod tests {
     use zip::write::SimpleFileOptions;
     use zip::{CompressionMethod, ZipWriter};
 
+    use super::super::npy;
     use super::*;
     use crate::{made, ogbench};
 
@@ -355,16 +227,16 @@ mod tests {
             ),
             (observations("<f4", &[2, 29], nan), "not finite in row 1"),
             (
-                observations("<f4", &[2, 27], f4(54)),
-                "shape [2, 27], expected [n, 29]",
+                observations("<f4", &[2, 1], f4(2)),
+                "shape [2, 1], expected [n, 2 or more]",
             ),
             (
                 observations("<f4", &[58], f4(58)),
-                "shape [58], expected [n, 29]",
+                "shape [58], expected [n, 2 or more]",
             ),
             (
                 observations("<f4", &[], f4(1)),
-                "shape [], expected [n, 29]",
+                "shape [], expected [n, 2 or more]",
             ),
             (
                 observations("<f4", &[3, 29], f4(87)),
@@ -383,6 +255,10 @@ mod tests {
                 "rows are more than",
             ),
             (observations("<c8", &[2, 29], f4(116)), "is of type <c8"),
+            (
+                observations("|u1", &[2, 6, 6, 3], vec![7; 216]),
+                "'qpos': is missing",
+            ),
         ] {
             assert!(
                 error.contains(wanted) && error.starts_with("x.npz: "),
@@ -399,6 +275,28 @@ mod tests {
             read(Path::new("none.npz")),
             Err(DatasetError::Io { .. })
         ));
+    }
+
+    #[test]
+    fn rows_of_any_shape_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, shape) in [
+            ("point.npz", Shape::vectors(4, 2)),
+            ("other.npz", Shape::vectors(2, 1)),
+            ("images.npz", Shape::images(&[64, 64, 3], 8)),
+        ] {
+            let path = folder.path().join(name);
+            let data = made::of(&shape, &[3, 1, 40]);
+            ogbench::write(&path, &data).unwrap();
+            let found = read(&path).unwrap();
+            made::sound(&found);
+            assert_eq!(found.shape(), &shape, "{name}");
+            assert_eq!(found.observations, data.observations);
+            assert_eq!(found.images, data.images);
+            assert_eq!(found.image_places, data.image_places);
+            assert_eq!(found.actions, data.actions);
+            assert_eq!(found.episodes, data.episodes);
+        }
     }
 
     #[test]

@@ -9,9 +9,8 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::npy;
-use crate::d4rl::{QPOS, QVEL};
 use crate::error::io_error;
-use crate::{ACTION, Dataset, DatasetError, OBSERVATION};
+use crate::{Dataset, DatasetError, Element};
 
 /// Deflate level: higher ones take long and save little.
 const LEVEL: i64 = 1;
@@ -20,7 +19,8 @@ const LEVEL: i64 = 1;
 const BLOCK: usize = 1 << 14;
 
 /// Writes a file in OGBench's layout to a path where nothing is: it is whole, or nothing. Rewards,
-/// terminals and goals have no place in it.
+/// terminals and goals have no place in it. `qpos` holds x and y of images; `qpos` and `qvel` are left
+/// out where an observation is not known to be positions and velocities.
 ///
 /// # Errors
 /// Something at `path`, and what the system or the format refuses.
@@ -36,8 +36,10 @@ pub(crate) fn stage(output: &Output, data: &Dataset) -> Result<Staged, DatasetEr
     let ends = data.episodes.iter().map(|episode| episode.end - 1);
     let mut terminals = vec![0; n];
     ends.for_each(|row| terminals[row] = 1);
-    let states = || data.observations.chunks_exact(OBSERVATION);
-    let all = |from: usize, to: usize| states().flat_map(move |state| &state[from..to]).copied();
+    let shape = data.shape();
+    let [observation, action] = [shape.observation(), shape.action()];
+    let states = || data.observations.chunks_exact(observation.max(1));
+    let part = |from: usize, to: usize| states().flat_map(move |state| &state[from..to]).copied();
     output.stage(|file| {
         let mut archive = Archive {
             path,
@@ -47,12 +49,27 @@ pub(crate) fn stage(output: &Output, data: &Dataset) -> Result<Staged, DatasetEr
                 position: 0,
             }),
         };
-        archive.floats("observations", &[n, OBSERVATION], all(0, OBSERVATION))?;
-        archive.floats("actions", &[n, ACTION], data.actions.iter().copied())?;
+        let floats = data.observations.iter().copied();
+        match shape.element() {
+            Element::F32 => archive.floats("observations", &[n, observation], floats)?,
+            Element::U8 => {
+                let sides = [&[n], shape.sides()].concat();
+                archive.start("observations", "|u1", &sides, 1)?;
+                archive.bytes(&data.images)?;
+            }
+        }
+        archive.floats("actions", &[n, action], data.actions.iter().copied())?;
         archive.start("terminals", "|b1", &[n], 1)?;
         archive.bytes(&terminals)?;
-        archive.floats("qpos", &[n, QPOS], all(0, QPOS))?;
-        archive.floats("qvel", &[n, QVEL], all(QPOS, OBSERVATION))?;
+        if let Some(positions) = shape.positions() {
+            let velocities = observation - positions;
+            archive.floats("qpos", &[n, positions], part(0, positions))?;
+            archive.floats("qvel", &[n, velocities], part(positions, observation))?;
+        }
+        if shape.element() == Element::U8 {
+            let places = data.image_places.as_flattened().iter().copied();
+            archive.floats("qpos", &[n, 2], places)?;
+        }
         archive.zip.finish().map_err(|error| refused(path, error))?;
         Ok(())
     })

@@ -56,9 +56,11 @@ impl Settings {
             min_trajectories: t.count("min_trajectories", 2, [1, 1_000_000]),
             states_per_place: t.count("states_per_place", 50, [1, 1_000_000]),
             // When versions come, not what is in them.
-            refresh_seconds: t
-                .on_resume(OnResume::Free)
-                .number("refresh_seconds", 5.0, [0.1, 86_400.0]),
+            refresh_seconds: t.on_resume(OnResume::Free).number(
+                "refresh_seconds",
+                5.0,
+                [0.1, 86_400.0],
+            ),
             seeding: match t
                 .word("seeding", "k-means++", &["k-means++", "random"])
                 .as_str()

@@ -28,6 +28,8 @@ use walk::{Walk, new_walk};
 pub(crate) use neighbours::Neighbours;
 pub use policy::Policy;
 pub use settings::{Planner, Settings};
+#[cfg(test)]
+pub(crate) use tests::settings as made;
 
 /// What is known of edges, for walks on the graph.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -128,6 +130,15 @@ impl High {
         self.steps = state.steps;
         self.ended = state.ended;
         true
+    }
+
+    /// Moves the weights away from their start, where every action is as likely as any other.
+    #[cfg(test)]
+    pub(crate) fn shake(&mut self, rng: &mut impl Rng) {
+        use rand::RngExt;
+        for weight in &mut self.networks.weights {
+            *weight += 0.3 * rng.random_range(-1.0..1.0_f32);
+        }
     }
 
     /// The policy's shape.

@@ -78,7 +78,10 @@ impl Settings {
             max_edges: t.count("max_edges", 64, [1, 100_000]),
             steps: t.count("steps", 3_000_000, [1, 10_000_000_000]),
             physics_share: t.number("physics_share", 0.25, [0.0, 1.0]),
-            planner: match t.word("planner", "learned", &["learned", "search"]).as_str() {
+            planner: match t
+                .word("planner", "learned", &["learned", "search"])
+                .as_str()
+            {
                 "search" => Planner::Search,
                 _ => Planner::Learned,
             },

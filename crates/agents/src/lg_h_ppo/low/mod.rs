@@ -6,154 +6,21 @@
 //! A = V(s', c) - V(s, c). Half of the subgoals are snapped to their node's centroid, since at
 //! run time the policy sees centroids alone.
 
-use config::Table;
+mod policy;
+mod settings;
+#[cfg(test)]
+mod tests;
+
 use nets::{Activation, Adam, Mlp, Workspace, polyak};
 use rand::Rng;
 use serde::{Deserialize, Serialize};
-use simulator::{Body, Frame};
+use simulator::Body;
 
 use crate::same_shape;
+use policy::{VALUE_EXTRA, value_input};
 
-/// What walks to a subgoal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Controller {
-    /// The learned low level.
-    Learned,
-    /// The walker that made the data: the oracle of stage 3a.
-    Walker,
-}
-
-/// `[low]`
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Hidden layers of policy and values.
-    pub hidden: Vec<usize>,
-    /// Step size of Adam, falling to a tenth over the updates.
-    pub learning_rate: f32,
-    /// Transitions of a gradient step.
-    pub batch: usize,
-    /// Gradient steps.
-    pub updates: usize,
-    /// Expectile of the value regression (tau).
-    pub expectile: f32,
-    /// Discount a step.
-    pub discount: f32,
-    /// 1 / temperature of the advantage weights.
-    pub inverse_temperature: f32,
-    /// Largest advantage weight.
-    pub weight_clip: f32,
-    /// Rate of the slow targets.
-    pub target_rate: f32,
-    /// Share of subgoals that are snapped to their node's centroid.
-    pub snap: f64,
-    /// Subgoals lie up to the graph's lag plus this many steps ahead.
-    pub slack: usize,
-    /// `learned` or `walker`.
-    pub controller: Controller,
-    /// Weights of another run's checkpoint, instead of training.
-    pub from: Option<String>,
-}
-
-impl Settings {
-    /// Reads the table.
-    pub fn read(t: &mut Table<'_, '_>) -> Self {
-        Self {
-            hidden: t.layers("hidden", &[256, 256]),
-            learning_rate: t.number("learning_rate", 1e-3, [0.0, 1.0]) as f32,
-            batch: t.count("batch", 256, [1, 65_536]),
-            updates: t.count("updates", 10_000, [1, 100_000_000]),
-            expectile: t.number("expectile", 0.7, [0.5, 0.999]) as f32,
-            discount: t.number("discount", 0.98, [0.0, 0.9999]) as f32,
-            inverse_temperature: t.number("inverse_temperature", 3.0, [0.0, 100.0]) as f32,
-            weight_clip: t.number("weight_clip", 100.0, [1.0, 1e6]) as f32,
-            target_rate: t.number("target_rate", 0.005, [0.0, 1.0]) as f32,
-            snap: t.number("snap", 0.5, [0.0, 1.0]),
-            slack: t.count("slack", 5, [0, 1000]),
-            controller: match t.word("controller", "learned", &["learned", "walker"]).as_str() {
-                "walker" => Controller::Walker,
-                _ => Controller::Learned,
-            },
-            from: t.file("from"),
-        }
-    }
-}
-
-/// A subgoal: a place and its latent.
-#[derive(Debug, Clone, Copy)]
-pub struct Subgoal<'a> {
-    /// World x, y (m).
-    pub place: [f32; 2],
-    /// Its latent.
-    pub latent: &'a [f32],
-}
-
-/// Distances are seen up to this one (m).
-const FAR: f32 = 5.0;
-/// Features of the values beyond the body's view: nearness, absolute places.
-const VALUE_EXTRA: usize = 3 + 4;
-
-/// The policy's shape: the body's own view, distance, and the latent step to the subgoal.
-#[derive(Clone)]
-pub struct Policy {
-    mlp: Mlp,
-    latent: usize,
-    body: &'static dyn Body,
-}
-
-impl Policy {
-    /// A policy of a body for latents of this width.
-    #[must_use]
-    pub fn new(body: &'static dyn Body, latent: usize, hidden: &[usize]) -> Self {
-        let (inputs, actions) = (body.features() + 1 + latent, body.spaces().action.len());
-        let sizes = [&[inputs], hidden, &[actions]].concat();
-        Self {
-            mlp: Mlp::new(&sizes, Activation::Gelu, false),
-            latent,
-            body,
-        }
-    }
-
-    /// The network; its parameters are the policy's weights.
-    #[must_use]
-    pub fn mlp(&self) -> &Mlp {
-        &self.mlp
-    }
-
-    /// Appends the input of one state and subgoal to `input`; `latent` is the state's own.
-    pub fn input(
-        &self,
-        observation: &[f32],
-        latent: &[f32],
-        subgoal: Subgoal<'_>,
-        input: &mut Vec<f32>,
-    ) -> Frame {
-        let [x, y] = self.body.place(observation);
-        let (dx, dy) = (subgoal.place[0] - x, subgoal.place[1] - y);
-        let frame = self.body.view(observation, [dx, dy], input);
-        input.push(dx.hypot(dy).min(FAR) / FAR);
-        let step = || {
-            subgoal
-                .latent
-                .iter()
-                .zip(latent)
-                .map(|(goal, here)| goal - here)
-        };
-        let scale = 1.0 / step().map(|d| d * d).sum::<f32>().sqrt().max(0.1);
-        input.extend(step().map(|d| d * scale).take(self.latent));
-        frame
-    }
-
-    /// Mean actions of inputs `[batch, inputs]`, each in its own frame, clipped by the simulator.
-    pub fn act<'w>(
-        &self,
-        weights: &[f32],
-        input: &[f32],
-        batch: usize,
-        workspace: &'w mut Workspace,
-    ) -> &'w [f32] {
-        self.mlp.infer(weights, input, batch, workspace)
-    }
-}
+pub use policy::{Policy, Subgoal};
+pub use settings::{Controller, Settings};
 
 /// One transition with its two hindsight goals.
 #[derive(Debug, Clone, Copy)]
@@ -222,21 +89,10 @@ struct Scratch {
     targets: [Vec<f32>; 2],
     advantage: Vec<f32>,
     arrived: Vec<bool>,
-    gradient: Vec<f32>,
+    /// Of the value that was updated last.
+    value_gradient: Vec<f32>,
+    policy_gradient: Vec<f32>,
     output_gradient: Vec<f32>,
-}
-
-fn value_input(body: &dyn Body, observation: &[f32], goal: [f32; 2], input: &mut Vec<f32>) {
-    let [x, y] = body.place(observation);
-    let (dx, dy) = (goal[0] - x, goal[1] - y);
-    let distance = dx.hypot(dy);
-    body.view(observation, [dx, dy], input);
-    input.extend([
-        distance.min(FAR) / FAR,
-        (-distance).exp(),
-        0.3 * distance.ln_1p(),
-    ]);
-    input.extend([x / 10.0, y / 10.0, goal[0] / 10.0, goal[1] / 10.0]);
 }
 
 impl Low {
@@ -367,7 +223,7 @@ impl Low {
         for ((advantage, a), b) in s.advantage.iter_mut().zip(first).zip(second) {
             *advantage += a.min(*b);
         }
-        s.gradient.resize(self.values[0].len(), 0.0);
+        s.value_gradient.resize(self.values[0].len(), 0.0);
         let scale = 1.0 / n as f32;
         for i in 0..2 {
             let values = self
@@ -385,17 +241,17 @@ impl Low {
                 losses.value_loss += 0.5 * scale * weight * error * error;
                 s.output_gradient.push(2.0 * scale * weight * error);
             }
-            s.gradient.fill(0.0);
+            s.value_gradient.fill(0.0);
             self.value.backward(
                 &self.values[i],
                 &s.here,
                 n,
                 &mut self.workspace,
                 &s.output_gradient,
-                &mut s.gradient,
+                &mut s.value_gradient,
                 None,
             );
-            self.value_adams[i].step(&mut self.values[i], &s.gradient);
+            self.value_adams[i].step(&mut self.values[i], &s.value_gradient);
             polyak(
                 &mut self.targets[i],
                 &self.values[i],
@@ -457,135 +313,17 @@ impl Low {
                 s.output_gradient.push(scale * weight * error);
             }
         }
-        s.gradient.clear();
-        s.gradient
-            .resize(self.weights.len().max(self.values[0].len()), 0.0);
+        s.policy_gradient.clear();
+        s.policy_gradient.resize(self.weights.len(), 0.0);
         self.policy.mlp.backward(
             &self.weights,
             &s.policy_input,
             n,
             &mut self.policy_workspace,
             &s.output_gradient,
-            &mut s.gradient[..self.weights.len()],
+            &mut s.policy_gradient,
             None,
         );
-        let own = self.weights.len();
-        self.policy_adam.step(&mut self.weights, &s.gradient[..own]);
-        s.gradient.truncate(self.values[0].len());
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use rand::{RngExt, SeedableRng};
-    use rand_pcg::Pcg64Mcg;
-
-    use super::*;
-
-    #[test]
-    fn a_training_goes_on_from_its_state_as_if_nothing_had_been() {
-        let settings = |hidden| Settings {
-            hidden,
-            learning_rate: 1e-3,
-            batch: 8,
-            expectile: 0.7,
-            discount: 0.95,
-            inverse_temperature: 3.0,
-            weight_clip: 100.0,
-            target_rate: 0.02,
-        };
-        let fresh = |hidden| Low::new(2, settings(hidden), &mut Pcg64Mcg::seed_from_u64(1));
-        let train = |low: &mut Low| {
-            for update in 0..3 {
-                let mut observation = [0.1 * update as f32; 29];
-                observation[3] = 1.0;
-                let sample = Sample {
-                    observation: &observation,
-                    action: &[0.5; 8],
-                    next: &observation,
-                    latent: &[0.0; 2],
-                    subgoal: Subgoal {
-                        place: [1.0, 2.0],
-                        latent: &[0.5, -0.5],
-                    },
-                    value_goal: [3.0, 0.0],
-                };
-                low.update(&[sample; 8]);
-            }
-        };
-        let mut low = fresh(vec![16, 16]);
-        train(&mut low);
-        let state = low.state();
-        train(&mut low);
-        let mut again = fresh(vec![16, 16]);
-        assert!(again.restore(state.clone()));
-        train(&mut again);
-        assert_eq!(again.state(), low.state());
-        assert!(!fresh(vec![16, 8]).restore(state), "of other networks");
-    }
-
-    /// A toy ant that slides: its first actuator is its speed along x. Rows where it goes towards
-    /// the goal and away from it are equally many; the policy must take after the former.
-    #[test]
-    fn the_policy_prefers_actions_that_approach_the_subgoal() {
-        let mut rng = Pcg64Mcg::seed_from_u64(0);
-        let settings = Settings {
-            hidden: vec![32, 32],
-            learning_rate: 1e-3,
-            batch: 64,
-            expectile: 0.7,
-            discount: 0.95,
-            inverse_temperature: 3.0,
-            weight_clip: 100.0,
-            target_rate: 0.02,
-        };
-        let mut low = Low::new(2, settings, &mut rng);
-        let mut policy_error = (0.0, 0.0);
-        for update in 0..3000 {
-            let rows: Vec<_> = (0..64)
-                .map(|_| {
-                    let mut observation = [0.0_f32; 29];
-                    observation[3] = 1.0;
-                    observation[0] = rng.random_range(-3.0..3.0);
-                    let speed = if rng.random::<bool>() { 1.0 } else { -1.0_f32 };
-                    let mut next = observation;
-                    next[0] += 0.4 * speed;
-                    let mut action = [0.0; 8];
-                    action[0] = speed;
-                    let goal = [observation[0] + rng.random_range(1.0..3.0), 0.0];
-                    (observation, action, next, goal)
-                })
-                .collect();
-            let samples: Vec<Sample<'_>> = rows
-                .iter()
-                .map(|(observation, action, next, goal)| Sample {
-                    observation,
-                    action,
-                    next,
-                    latent: &[0.0, 0.0],
-                    subgoal: Subgoal {
-                        place: *goal,
-                        latent: &[1.0, 0.0],
-                    },
-                    value_goal: *goal,
-                })
-                .collect();
-            low.update(&samples);
-            if update >= 2900 {
-                let policy = low.policy().clone();
-                let mut workspace = policy.mlp().workspace(1);
-                let mut input = vec![];
-                let s = &samples[0];
-                let frame = policy.input(s.observation, s.latent, s.subgoal, &mut input);
-                let mean = policy.act(&low.weights, &input, 1, &mut workspace);
-                policy_error.0 += frame.to_actuators(mean)[0];
-                policy_error.1 += 1.0;
-            }
-        }
-        let speed = policy_error.0 / policy_error.1;
-        assert!(
-            speed > 0.3,
-            "the mean speed towards the goal is {speed}; the data's is 0"
-        );
+        self.policy_adam.step(&mut self.weights, &s.policy_gradient);
     }
 }
