@@ -1,8 +1,4 @@
-//! The graph-builder: data set and encoder in, latent graph out; then what rollouts tell of its
-//! edges.
-
-mod build;
-mod tries;
+//! The graph-builder: data set and weights in, graph out; then what rollouts change of it.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,21 +6,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::{Duration, Instant};
 
-use agents::vae::Encoder;
+use agents::{BuildError, GraphRule, GraphWork, Parts, Rollout, Weights};
 use anyhow::Context;
 use config::Config;
 use dataset::Dataset;
 use durable::{Stamp, States};
-use graph::{Graph, Pool};
+use graph::Graph;
 use maze::Layout;
 use serde::{Deserialize, Serialize};
+use simulator::RowLayout;
 use wire::{
-    Bus, DirectiveSubscriber, GraphPublisher, Metric, Module, Phase, Reader, Reporter, Role,
-    Rounds, RunDomain, State, Status, Trajectory, TrajectoryHeader, TrajectoryReceiver, Transition,
-    WeightsSubscriber,
+    Bus, DirectiveSubscriber, GRAPH, GraphPublisher, Metric, Phase, Reader, Reporter, Role, Rounds,
+    RunDomain, State, Status, Trajectory, TrajectoryHeader, TrajectoryReceiver, WeightsSubscriber,
 };
-
-use tries::{Tally, Tries};
 
 /// What the graph-builder is told.
 #[derive(Debug, Clone, clap::Args)]
@@ -43,7 +37,12 @@ pub struct Args {
 /// A run that is not there, a channel that cannot be used, a config or data set that cannot be
 /// read, data that make no graph.
 pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
-    let config = Config::of_run(&args.folder)?;
+    let config = agents::CONFIGS.of_run(&args.folder)?;
+    let plan = agents::plan(&config).context("the config's algorithm is unknown")?;
+    let (rule, needs) = plan
+        .graph()
+        .zip(plan.needs())
+        .with_context(|| format!("'{}' has no graph to build", config.run.algorithm))?;
     let domain = RunDomain::open(&args.domain)?;
     let bus = Bus::join(&domain, "graph-builder")?;
     let reporter = Reporter::new(&bus)?;
@@ -54,14 +53,20 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     status.set_text("loading the data set");
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder, &args.folder)?;
-    let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
-    let loaded = dataset::load_for(&config)?;
+    let loaded = dataset::load_for(&config, &needs)?;
     for note in &loaded.notes {
         log::info!("{note}");
     }
-    let data = loaded.data;
+    let networks = plan.networks();
+    let rows = RowLayout::new(&bus.limits().spaces);
+    let subscribers = rule.after().into_iter().map(|number| {
+        let subscriber = WeightsSubscriber::new(&bus, number)?;
+        Ok((number, subscriber))
+    });
     Builder {
-        weights: WeightsSubscriber::new(&bus, Module::Encoder)?,
+        weights: subscribers.collect::<Result<_, wire::WireError>>()?,
+        parts: Parts::new(networks.len()),
+        rule,
         publisher: GraphPublisher::new(&bus)?,
         directives: DirectiveSubscriber::new(&bus)?,
         limit: bus.limits().graph_bytes,
@@ -70,54 +75,44 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
         status,
         states: States::new(&args.folder.join("checkpoints"), "graph"),
         building: None,
-        built: None,
-        tries: Tries::default(),
-        rounds: Rounds::default(),
+        work: None,
+        measured: None,
+        rounds: Rounds::after(0, rows),
+        rows,
         published: Instant::now(),
         began: Instant::now(),
         config: &config,
         folder: &args.folder,
-        layout: &layout,
+        layout: Layout::of(&config.maze.layout, &config.maze.rows)?,
     }
-    .work(&Arc::new(data), stop)
+    .work(&Arc::new(loaded.data), stop)
 }
 
-/// What a successor goes on from.
+/// What is kept of the work.
 #[derive(Serialize, Deserialize)]
-struct Kept {
-    pool: Pool,
-    /// The version that was published with it.
-    graph: Vec<u8>,
-    total: Tally,
-}
+struct Kept(Vec<u8>);
 
-/// What the encoder's weights made.
-struct Built {
-    encoder: Encoder,
-    pool: Pool,
-}
-
-impl Built {
-    /// Learns from a trajectory: of its edges, and of new places where the graph is online.
-    fn take(
-        &mut self,
-        tries: &mut Tries,
-        online: bool,
-        header: &TrajectoryHeader,
-        record: &[Transition],
-    ) {
-        tries.book(&mut self.pool, header, record);
-        if online {
-            tries.explore(&mut self.pool, &mut self.encoder, header, record);
-        }
+/// A rollout as the work sees it.
+fn rollout<'a>(header: &TrajectoryHeader, trajectory: Trajectory<'a>) -> Rollout<'a> {
+    Rollout {
+        rows: trajectory.rows,
+        choices: trajectory.choices,
+        graph_version: header.versions[GRAPH],
+        structure: 0,
+        episode: header.name(),
     }
 }
+
+type Building = Receiver<Result<Box<dyn GraphWork>, BuildError>>;
 
 struct Builder<'a> {
     config: &'a Config,
     folder: &'a Path,
-    layout: &'a Layout,
-    weights: WeightsSubscriber,
+    layout: Layout,
+    rule: Arc<dyn GraphRule>,
+    /// Of the networks that the graph is made with.
+    weights: Vec<(usize, WeightsSubscriber)>,
+    parts: Parts,
     publisher: GraphPublisher,
     directives: DirectiveSubscriber,
     /// What the graph's channel takes (bytes).
@@ -127,10 +122,12 @@ struct Builder<'a> {
     status: Status,
     states: States,
     /// A thread that builds.
-    building: Option<Receiver<anyhow::Result<Built>>>,
-    built: Option<Built>,
-    tries: Tries,
+    building: Option<Building>,
+    work: Option<Box<dyn GraphWork>>,
+    /// The version that was measured last.
+    measured: Option<Arc<Graph>>,
     rounds: Rounds,
+    rows: RowLayout,
     published: Instant,
     began: Instant,
 }
@@ -143,38 +140,35 @@ impl Builder<'_> {
         let Some(mut kept) = self.kept(stop) else {
             return Ok(());
         };
-        let refresh = Duration::from_secs_f64(self.config.graph.refresh_seconds);
+        let refresh = self.rule.refresh();
         let mut pulse = Instant::now();
         while !stop.load(Ordering::Relaxed) {
             let directive = self.directives.latest();
             let phase = directive.phase();
             self.receive(phase);
-            if let Some(weights) = self.weights.latest()
-                && self.built.is_none()
-                && self.building.is_none()
-            {
+            if self.take_weights() && self.work.is_none() && self.building.is_none() {
                 match kept.take() {
-                    Some(kept) => self.restore(kept, &weights.values)?,
-                    None => self.build(data, weights.values),
+                    Some(kept) => self.restore(&kept)?,
+                    None => self.build(data),
                 }
             }
             self.adopt()?;
-            let due = self.tries.recent.tried > 0 && self.published.elapsed() >= refresh;
+            let changed = self.work.as_ref().is_some_and(|work| work.has_changed());
+            let due = changed && self.published.elapsed() >= refresh;
             if due && phase == Phase::Train && !self.config.run.deterministic {
                 self.publish()?;
             }
             if directive.round == self.rounds.taken() + 1
                 && let Some(trajectories) = self.rounds.take(directive.episodes)
             {
-                let online = self.config.graph.online;
-                if let Some(built) = &mut self.built {
-                    for Trajectory { header, steps } in &trajectories {
-                        built.take(&mut self.tries, online, header, steps);
+                if let Some(work) = &mut self.work {
+                    for trajectory in &trajectories {
+                        work.learn(&rollout(&trajectory.header, trajectory.view()));
                     }
                 }
                 self.publish()?;
             }
-            if phase == Phase::Settle && self.built.is_some() {
+            if phase == Phase::Settle && self.work.is_some() {
                 self.status.state = State::Settled as u32;
             }
             self.publisher.keep_alive();
@@ -207,48 +201,53 @@ impl Builder<'_> {
                     !stop.load(Ordering::Relaxed)
                 })?
                 .round;
-            self.rounds = Rounds::after(rounds);
+            self.rounds = Rounds::after(rounds, self.rows);
             self.status.round = rounds;
         }
         let newest = self.states.newest::<Kept>(rounds);
         for damaged in &newest.damaged {
             log::warn!("{damaged}; going on from the one before");
         }
-        let sound = newest.state.filter(|(_, kept)| kept.pool.is_sound());
-        Some(sound.map(|(stamp, kept)| {
+        Some(newest.state.map(|(stamp, kept)| {
             log::info!("going on from version {}", stamp.number);
             self.states.forget_after(stamp.number);
             kept
         }))
     }
 
+    /// Takes newer weights. Returns whether all that the graph is made with are there.
+    fn take_weights(&mut self) -> bool {
+        for (number, subscriber) in &mut self.weights {
+            if let Some(newer) = subscriber.latest() {
+                let weights = Weights {
+                    version: newer.version,
+                    structure: newer.shape_hash,
+                    values: newer.values.into(),
+                };
+                self.parts.set_weights(*number, weights);
+            }
+        }
+        let mut needed = self.weights.iter();
+        needed.all(|(number, _)| self.parts.weights(*number).is_some())
+    }
+
     /// Goes on from what the one before left.
-    fn restore(&mut self, kept: Kept, weights: &[f32]) -> anyhow::Result<()> {
-        let encoder = build::encoder(self.config, weights)?;
-        let graph = Graph::from_bytes(&kept.graph).context("the graph that was kept")?;
-        self.built = Some(Built {
-            encoder,
-            pool: kept.pool,
-        });
-        self.tries.total = kept.total;
-        self.announce(graph)
+    fn restore(&mut self, kept: &Kept) -> anyhow::Result<()> {
+        let (work, graph) = self.rule.restore(&kept.0, &self.parts)?;
+        self.work = Some(work);
+        self.announce(&graph)
     }
 
     /// Begins to build, on a thread: actors are answered meanwhile.
-    fn build(&mut self, data: &Arc<Dataset>, weights: Vec<f32>) {
+    fn build(&mut self, data: &Arc<Dataset>) {
         self.status.state = State::Working as u32;
         self.status.set_text("building the graph");
         let (sender, receiver) = mpsc::channel();
         self.building = Some(receiver);
-        let (config, data) = (self.config.clone(), Arc::clone(data));
+        let (rule, data, parts) = (Arc::clone(&self.rule), Arc::clone(data), self.parts.clone());
         // It ends with the process, should that end first.
         std::thread::spawn(move || {
-            let build = || {
-                let mut encoder = build::encoder(&config, &weights)?;
-                let pool = build::pool(&config, &data, &mut encoder)?;
-                Ok(Built { encoder, pool })
-            };
-            let _ = sender.send(build());
+            let _ = sender.send(rule.build(&data, &parts));
         });
         self.began = Instant::now();
     }
@@ -261,11 +260,12 @@ impl Builder<'_> {
         match building.try_recv() {
             Err(TryRecvError::Empty) => return Ok(()),
             Err(TryRecvError::Disconnected) => anyhow::bail!("the thread that builds panicked"),
-            Ok(built) => self.built = Some(built?),
+            Ok(work) => self.work = Some(work?),
         }
         self.building = None;
         self.publish()?;
-        self.metric("time/graph_s", self.began.elapsed().as_secs_f64());
+        let version = self.status.versions[GRAPH];
+        self.metric(version, "time/graph_s", self.began.elapsed().as_secs_f64());
         Ok(())
     }
 
@@ -273,11 +273,10 @@ impl Builder<'_> {
         // Evaluation is not learned from.
         let train = phase == Phase::Train;
         let deterministic = self.config.run.deterministic;
-        let (built, tries, rounds) = (&mut self.built, &mut self.tries, &mut self.rounds);
-        let online = self.config.graph.online;
-        self.receiver.receive(64, |header, record| match built {
-            Some(built) if train && !deterministic => built.take(tries, online, header, record),
-            _ if train && deterministic => rounds.add(header, record),
+        let (work, rounds) = (&mut self.work, &mut self.rounds);
+        self.receiver.receive(64, |header, trajectory| match work {
+            Some(work) if train && !deterministic => work.learn(&rollout(header, trajectory)),
+            _ if train && deterministic => rounds.add(header, trajectory),
             _ => {}
         });
         self.receiver.acknowledge();
@@ -285,76 +284,49 @@ impl Builder<'_> {
 
     /// Publishes the next version of the graph, and what it is worth.
     fn publish(&mut self) -> anyhow::Result<()> {
-        let Some(built) = &mut self.built else {
+        let Some(work) = &mut self.work else {
             return Ok(());
         };
-        let (mut graph, share, added) = built.pool.renew();
-        if let Err(unusable) = graph.judge(built.pool.len(), self.limit) {
-            // Rollouts can drop too many edges: the version before them stays, under this number.
-            let Some(before) = self.tries.newest() else {
-                return Err(unusable.into());
-            };
-            log::warn!("{unusable}; the version before stays");
-            let version = graph.version;
-            graph = Graph {
-                version,
-                ..before.clone()
-            };
-        }
-        let bytes = graph.to_bytes();
-        let tally = self.tries.recent;
+        let mut metrics = vec![];
+        let graph = work.renew(self.limit, &mut metrics)?;
         // Kept before it is published: no successor gives a number to another graph.
-        let kept = Kept {
-            pool: built.pool.clone(),
-            graph: bytes,
-            total: self.tries.total,
-        };
         let stamp = Stamp {
             number: graph.version,
             round: self.rounds.taken(),
         };
-        if let Err(error) = self.states.save(stamp, &kept) {
+        if let Err(error) = self.states.save(stamp, &Kept(work.save())) {
             log::warn!("no state was kept, the one before stays: {error}");
         }
         // Without its file the graph still is what everyone works with.
         if let Err(error) = graph.save(&self.folder.join("graph.bin")) {
             log::warn!("{error}");
         }
-        if tally.tried > 0 {
-            let reached = tally.reached.max(1) as f64;
-            self.metric("graph/edges_tried", self.tries.total.tried as f64);
-            self.metric(
-                "graph/edge_success",
-                tally.reached as f64 / tally.tried as f64,
-            );
-            self.metric("low/steps_over_best", tally.over_best / reached);
+        for (name, value) in metrics {
+            self.metric(graph.version, name, value);
         }
-        let same = |newest: &Graph| {
-            newest.edges.len() == graph.edges.len() && newest.structure() == graph.structure()
+        let same = |before: &Arc<Graph>| {
+            before.edges.len() == graph.edges.len() && before.structure() == graph.structure()
         };
-        if !self.tries.newest().is_some_and(same) {
-            self.metric("graph/connected_share", f64::from(share));
-            self.metric("graph/nodes_added", added as f64);
+        if !self.measured.as_ref().is_some_and(same) {
             self.measure(&graph);
+            self.measured = Some(Arc::clone(&graph));
         }
-        self.announce(graph)
+        self.announce(&graph)
     }
 
     /// Publishes a version.
-    fn announce(&mut self, graph: Graph) -> anyhow::Result<()> {
+    fn announce(&mut self, graph: &Graph) -> anyhow::Result<()> {
         self.publisher.publish(graph.version, &graph.to_bytes())?;
         self.published = Instant::now();
-        self.status.versions[2] = graph.version;
+        self.status.versions[GRAPH] = graph.version;
         self.status.round = self.rounds.taken();
         self.status.state = State::Trained as u32;
-        self.tries.publish(graph);
         Ok(())
     }
 
-    fn metric(&self, name: &str, value: f64) {
-        let step = self.tries.newest().map_or(0, |graph| graph.version);
-        self.reporter
-            .metric(&Metric::new(Role::GraphBuilder, 0, name, step, value));
+    fn metric(&self, version: u64, name: &str, value: f64) {
+        let metric = Metric::new(Role::GraphBuilder, 0, name, version, value);
+        self.reporter.metric(&metric);
     }
 
     /// What the graph is worth, as numbers.
@@ -366,30 +338,29 @@ impl Builder<'_> {
             .map(|cell| self.layout.centre(cell))
             .collect();
         let wall = graph.edges_through_walls(|place| self.layout.is_wall_at(place));
-        self.metric("graph/nodes", graph.len() as f64);
-        self.metric("graph/edges", graph.edges.len() as f64);
-        self.metric(
-            "graph/coverage",
-            f64::from(graph.coverage(&centres, maze::CELL_SIZE / 2.0)),
-        );
-        self.metric("graph/edges_through_walls", wall as f64);
-        self.metric("graph/mean_edge_steps", f64::from(graph.mean_edge_steps));
+        let coverage = graph.coverage(&centres, maze::CELL_SIZE / 2.0);
+        for (name, value) in [
+            ("graph/nodes", graph.len() as f64),
+            ("graph/edges", graph.edges.len() as f64),
+            ("graph/coverage", f64::from(coverage)),
+            ("graph/edges_through_walls", wall as f64),
+            ("graph/mean_edge_steps", f64::from(graph.mean_edge_steps)),
+        ] {
+            self.metric(graph.version, name, value);
+        }
     }
 
     fn pulse(&mut self) {
         let s = &mut self.status;
-        if let Some(graph) = self.tries.newest() {
-            let Tally { tried, reached, .. } = self.tries.total;
-            let share = 100.0 * reached as f64 / tried.max(1) as f64;
-            let tries = match tried {
-                0 => String::new(),
-                _ => format!(", {share:.0}% of {tried} tries reached"),
-            };
-            let (nodes, edges) = (graph.len(), graph.edges.len());
-            s.set_text(&format!("{nodes} nodes, {edges} edges{tries}"));
+        if let Some(work) = &self.work {
+            s.set_text(&work.status());
         }
         self.receiver.report(s);
-        s.refused += self.weights.refused() + self.directives.refused();
+        let weights = self
+            .weights
+            .iter()
+            .map(|(_, subscriber)| subscriber.refused());
+        s.refused += weights.sum::<u64>() + self.directives.refused();
         self.reporter.status(s);
     }
 }
