@@ -106,10 +106,9 @@ fn told(path: &Path, trace: &Trace, story: &Story) -> String {
         s.seed
     ));
     line(format!(
-        "weights {} and {}, graph {}, config {}, formica {}",
-        s.low_version,
-        s.high_version,
-        s.graph_version,
+        "simulator {}; versions: {}; config {}, formica {}",
+        named(&s.simulator),
+        versions(s),
         named(&s.config),
         named(&s.formica)
     ));
@@ -143,22 +142,37 @@ fn told(path: &Path, trace: &Trace, story: &Story) -> String {
         s.steps_on_back,
         if s.fell { ", and so at the end" } else { "" }
     ));
-    line(format!(
-        "{} subgoals: {} reached, {} given up",
-        s.subgoals.len(),
-        s.reached(),
-        s.given_up()
-    ));
+    let nodes = story::nodes(trace);
+    // Of an algorithm without a graph there is nothing to say.
+    if !nodes.is_empty() || !s.subgoals.is_empty() {
+        line(format!(
+            "{} subgoals: {} reached, {} given up",
+            s.subgoals.len(),
+            s.reached(),
+            s.given_up()
+        ));
+    }
     if !s.subgoals.is_empty() {
         text += "\n";
         text += &aligned(&subgoals(&s.subgoals));
     }
-    let nodes = story::nodes(trace);
     let plan = story::layout(trace).ok();
     if let Some(plan) = plan.and_then(|layout| floor_plan(&layout, &nodes, story)) {
         let _ = writeln!(text, "\n{plan}");
     }
     text
+}
+
+/// The versions that an episode was played with.
+fn versions(story: &Story) -> String {
+    let versions = story.versions.iter();
+    let versions: Vec<String> = versions
+        .map(|(name, n)| format!("{} {n}", named(name)))
+        .collect();
+    match versions.is_empty() {
+        true => "-".to_owned(),
+        false => versions.join(", "),
+    }
 }
 
 /// A name from a trace; some have none, and any may hold what a terminal would obey.
@@ -234,7 +248,7 @@ fn subgoals(subgoals: &[Subgoal]) -> Vec<Vec<String>> {
 fn overview(stories: &[(PathBuf, anyhow::Result<Story>)]) -> String {
     let header = [
         "trace", "purpose", "outcome", "steps", "return", "subgoals", "reached", "given up",
-        "falls", "low", "high", "graph",
+        "falls", "versions",
     ];
     let mut lines = vec![header.map(str::to_owned).to_vec()];
     let mut notes = String::new();
@@ -258,9 +272,7 @@ fn overview(stories: &[(PathBuf, anyhow::Result<Story>)]) -> String {
                 s.reached().to_string(),
                 s.given_up().to_string(),
                 s.falls.to_string(),
-                s.low_version.to_string(),
-                s.high_version.to_string(),
-                s.graph_version.to_string(),
+                versions(s),
             ]),
             Err(error) => {
                 let _ = writeln!(notes, "unreadable: {error:#}");

@@ -1,8 +1,11 @@
 //! What happened in an episode, as its trace tells it.
 
+use std::collections::BTreeMap;
+
 use anyhow::Context;
-use maze::{FALLEN, Layout, OBSERVATION, upright};
+use maze::{FALLEN, Layout};
 use serde::Serialize;
+use simulator::{Body, Dtype};
 use trace::Trace;
 
 use crate::figure::{total, unsigned_zero};
@@ -40,9 +43,9 @@ pub(crate) struct Story {
     pub(crate) actor: u32,
     pub(crate) formica: String,
     pub(crate) config: String,
-    pub(crate) low_version: u64,
-    pub(crate) high_version: u64,
-    pub(crate) graph_version: u64,
+    pub(crate) simulator: String,
+    /// Of the networks and the graph, by name.
+    pub(crate) versions: BTreeMap<String, u64>,
     /// `success`, `failure` or `cut off`.
     pub(crate) outcome: &'static str,
     /// Why the trace is cut off.
@@ -81,13 +84,17 @@ impl Story {
         let last = trace.end.iter().map(|end| &end.observation);
         let told = trace.steps.iter().map(|step| &step.observation);
         let told = told.chain(last).map(Vec::as_slice);
-        let observations: Vec<&[f32]> = (told.clone())
-            .filter(|observation| observation.len() == OBSERVATION)
+        let body = simulators::body(meta.simulator());
+        let observations: Vec<(&dyn Body, &[f32])> = (told.clone())
+            .filter_map(|observation| Some((body?, observation)))
+            .filter(|(body, observation)| observation.len() == width(*body))
             .collect();
-        let path = observations.iter().map(|o| [o[0], o[1]]);
+        let path = observations.iter().map(|(body, o)| body.place(o));
         let path: Vec<[f32; 2]> = path.filter(|place| is_place(*place)).collect();
         let between = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-        let down: Vec<bool> = observations.iter().map(|o| upright(o) < FALLEN).collect();
+        let down: Vec<bool> = (observations.iter())
+            .map(|(body, o)| body.upright(o) < FALLEN)
+            .collect();
         let fallen = |pair: &&[bool]| !pair[0] && pair[1];
         let outcome = match (trace.outcome, &trace.cut) {
             (Some(outcome), None) if outcome.success => "success",
@@ -103,15 +110,14 @@ impl Story {
             actor: meta.actor,
             formica: meta.version.clone(),
             config: meta.config_hash.clone(),
-            low_version: meta.low_version,
-            high_version: meta.high_version,
-            graph_version: meta.graph_version,
+            simulator: meta.simulator().to_owned(),
+            versions: meta.versions.clone(),
             outcome,
             cut: trace.cut.clone(),
             damage: trace.damage.clone(),
             notes: notes(trace, told.count(), observations.len(), path.len()),
             steps: trace.steps.len(),
-            seconds: trace.steps.len() as f64 * f64::from(maze::CONTROL_SECONDS),
+            seconds: trace.steps.len() as f64 * f64::from(control_seconds(trace)),
             episode_return: Some(total(trace.steps.iter().map(|step| step.reward)))
                 .filter(|sum| sum.is_finite()),
             start: path.first().unwrap_or(&meta.start).map(unsigned_zero),
@@ -148,12 +154,28 @@ impl Story {
     }
 }
 
-/// Whether an ant may be there: figures of another kind are left out rather than added up.
+/// Values of an observation that is floats.
+fn width(body: &dyn Body) -> usize {
+    let space = body.spaces().observation;
+    if space.dtype == Dtype::F32 {
+        space.len()
+    } else {
+        0
+    }
+}
+
+/// Simulated time of a step (s).
+fn control_seconds(trace: &Trace) -> f32 {
+    let spaces = trace.meta.spaces.as_ref();
+    spaces.map_or(maze::CONTROL_SECONDS, |spaces| spaces.control_seconds)
+}
+
+/// Whether a body may be there: figures of another kind are left out rather than added up.
 fn is_place([x, y]: [f32; 2]) -> bool {
     x.abs() <= FAR && y.abs() <= FAR
 }
 
-/// What is missing or odd in what a trace tells; `told`: states, of which `read` are of the ant's
+/// What is missing or odd in what a trace tells; `told`: states, of which `read` are of the body's
 /// width and `places` have a place.
 fn notes(trace: &Trace, told: usize, read: usize, places: usize) -> Vec<String> {
     let mut notes = vec![];
@@ -170,10 +192,19 @@ fn notes(trace: &Trace, told: usize, read: usize, places: usize) -> Vec<String> 
     }
     if read < told {
         let other = told - read;
-        notes.push(format!(
-            "{other} of {told} states do not have the {OBSERVATION} values of an ant, and are left \
-             out: another simulator's, or damaged"
-        ));
+        let name = trace.meta.simulator();
+        notes.push(match simulators::body(name) {
+            Some(body) => format!(
+                "{other} of {told} states do not have the {} values of the simulator '{name}', and \
+                 are left out: another simulator's, or damaged",
+                width(body)
+            ),
+            None => format!(
+                "this version of formica has no simulator '{}', so that its {told} states are left \
+                 out",
+                name.escape_debug()
+            ),
+        });
     }
     if places < read {
         let other = read - places;
@@ -265,6 +296,7 @@ pub(crate) fn layout_of(config: &str) -> anyhow::Result<Layout> {
 
 #[cfg(test)]
 mod tests {
+    use maze::OBSERVATION;
     use trace::{Choice, EdgeOutcome, Step};
 
     use super::*;
@@ -361,6 +393,27 @@ mod tests {
         assert_eq!(gap(&trace), Some((1, 8)));
         trace.steps[0].reward = f32::NAN;
         assert_eq!(Story::of(&trace).episode_return, None);
+    }
+
+    #[test]
+    fn states_are_read_as_those_of_their_simulator() {
+        let mut trace = Trace::default();
+        trace.meta.simulator = "point".to_owned();
+        for x in [0.0, 1.0] {
+            trace.steps.push(Step {
+                observation: vec![x, 2.0, 0.5, 0.5],
+                ..Step::default()
+            });
+        }
+        let story = Story::of(&trace);
+        assert_eq!(
+            (story.walked, &*story.path),
+            (1.0, &[[0.0, 2.0], [1.0, 2.0]][..])
+        );
+        assert!(story.falls == 0 && story.notes.is_empty());
+        trace.meta.simulator = "flea".to_owned();
+        let story = Story::of(&trace);
+        assert!(story.path.is_empty() && story.notes[0].contains("no simulator 'flea'"));
     }
 
     #[test]
