@@ -6,9 +6,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use config::Config;
-use maze::{AntMaze, CONTROL_SECONDS, FALLEN, Layout, Physics, Route, evaluation_task, upright};
+use maze::{
+    AntBody, AntMaze, CONTROL_SECONDS, FALLEN, Layout, Physics, Route, evaluation_task, upright,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use simulator::Body;
 
 use crate::walker::Walker;
 
@@ -69,8 +72,9 @@ fn rounded(speed: f64) -> f64 {
 /// Measures both, on every core.
 ///
 /// # Errors
-/// A walker that cannot be read, a maze that is none.
+/// Another simulator than the ant, a walker that cannot be read, a maze that is none.
 pub fn measure(config: &Config, episodes: usize, path: Option<&Path>) -> anyhow::Result<Ceiling> {
+    is_ant(crate::SIMULATOR)?;
     let layout = crate::layout(config)?;
     let walker = Walker::load(path)?;
     let limit = config.evaluation.max_steps;
@@ -113,6 +117,16 @@ pub fn measure(config: &Config, episodes: usize, path: Option<&Path>) -> anyhow:
         steps: total(|sum| sum.steps) / reached.max(1.0),
         maze_falls: total(|sum| sum.maze_falls) / n,
     })
+}
+
+/// Refuses any other simulator.
+fn is_ant(simulator: &str) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        simulator == AntBody.name(),
+        "formica ceiling measures the ant's walker, and the simulator '{simulator}' has none; use a \
+         config of the ant"
+    );
+    Ok(())
 }
 
 fn open_floor(walker: &mut Walker, ant: &mut AntMaze, rng: &mut Pcg64Mcg, sum: &mut Ceiling) {

@@ -1,35 +1,28 @@
-//! Offline data: the walker, with noise, between random or hand-picked cells.
+//! Offline data: a behaviour of the simulator's body, with noise, between random or hand-picked cells.
 //!
 //! As D4RL's script does (`generate_ant_maze_datasets.py`), but for one thing: on arrival the
-//! walker is given a new goal instead of milling about until the episode's end.
+//! body is given a new goal instead of milling about until the episode's end.
+
+mod episode;
 
 use std::fmt;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-use config::{Collect, Config};
+use anyhow::Context;
+use config::Config;
 use dataset::{Made, d4rl};
 use durable::Output;
-use maze::{AntMaze, Layout, OBSERVATION, Physics, Route, SUCCESS_RADIUS, Style, random_task};
-use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, Normal};
-use rand_pcg::Pcg64Mcg;
+use maze::{AntBody, FALLEN, Layout, SUCCESS_RADIUS};
+use simulator::Body;
 
-use crate::walker::Walker;
+use crate::drive::Drive;
+use episode::Episode;
 
-/// Waypoints lie up to this far off the centre of their cell in each axis (m).
-const OFF_CENTRE: f32 = 1.0;
-
-/// Rows of one episode, flat.
-#[derive(Default)]
-struct Episode {
-    observations: Vec<f32>,
-    actions: Vec<f32>,
-    goals: Vec<f32>,
-    /// Observation after each action.
-    next: Vec<f32>,
-}
+/// Of an ant's observation, the columns that are positions; the others are velocities.
+const POSITIONS: usize = 15;
 
 /// What was collected.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,7 +31,7 @@ pub struct Collected {
     pub transitions: usize,
     /// Episodes written.
     pub episodes: usize,
-    /// Share of rows on the back.
+    /// Share of rows in which the body has fallen.
     pub fallen: f64,
     /// Where.
     pub path: String,
@@ -63,12 +56,12 @@ impl fmt::Display for Collected {
 /// What a collection by this config is noted as in its file; none without a `[collect]` table.
 ///
 /// # Errors
-/// A walker that cannot be read.
+/// A simulator without a behaviour, a walker that cannot be read.
 pub fn made(config: &Config) -> anyhow::Result<Option<Made>> {
     let Some(settings) = &config.collect else {
         return Ok(None);
     };
-    let walker = Walker::load(settings.walker.as_ref().map(Path::new))?;
+    let drive = Drive::of(crate::SIMULATOR, settings.walker.as_ref().map(Path::new))?;
     Ok(Some(Made {
         maze: config.maze.layout.clone(),
         maze_rows: config.maze.rows.join(" "),
@@ -77,28 +70,46 @@ pub fn made(config: &Config) -> anyhow::Result<Option<Made>> {
         episode_steps: settings.episode_steps.to_string(),
         noise: settings.noise.to_string(),
         seed: config.run.seed.to_string(),
-        walker: walker.hash(),
+        walker: drive.hash(),
         formica_version: env!("CARGO_PKG_VERSION").to_owned(),
     }))
 }
 
 /// Collects the data set of a config and writes it to `output` in D4RL's layout. The same seed
-/// gives the same file, whatever the number of threads. `progress` is told transitions done and to
-/// do. None, and no file, once `stopped` says so.
+/// gives the same file, whatever the number of threads. `progress` gets transitions done and to
+/// do. None, and no file, once `stopped` returns true.
 ///
 /// # Errors
-/// No `[collect]` table, a walker that cannot be read, a file that cannot be written.
+/// No `[collect]` table, a simulator without a behaviour, a walker that cannot be read, a file that
+/// cannot be written.
 pub fn collect(
     config: &Config,
     output: &Output,
     stopped: &(dyn Fn() -> bool + Sync),
-    mut progress: impl FnMut(usize, usize),
+    progress: impl FnMut(usize, usize),
 ) -> anyhow::Result<Option<Collected>> {
+    let layout = crate::layout(config)?;
+    let name = crate::SIMULATOR;
+    let body = simulators::body(name).with_context(|| format!("no simulator '{name}'"))?;
+    let episodes = episodes(config, &layout, name, stopped, progress)?;
+    if stopped() {
+        return Ok(None);
+    }
+    write(output, made(config)?.as_ref(), &layout, body, episodes).map(Some)
+}
+
+/// All episodes, by their number.
+fn episodes(
+    config: &Config,
+    layout: &Layout,
+    name: &str,
+    stopped: &(dyn Fn() -> bool + Sync),
+    mut progress: impl FnMut(usize, usize),
+) -> anyhow::Result<Vec<Episode>> {
     let Some(settings) = &config.collect else {
         anyhow::bail!("the config has no [collect] table");
     };
-    let layout = crate::layout(config)?;
-    let walker = Walker::load(settings.walker.as_ref().map(Path::new))?;
+    let drive = Drive::of(name, settings.walker.as_ref().map(Path::new))?;
     let rows = settings.episode_steps + 1;
     let count = settings.transitions.div_ceil(rows);
     let next = AtomicUsize::new(0);
@@ -106,21 +117,21 @@ pub fn collect(
     let mut episodes: Vec<Option<Episode>> = (0..count).map(|_| None).collect();
     std::thread::scope(|scope| {
         for _ in 0..settings.threads {
-            let (sender, mut walker) = (sender.clone(), walker.clone());
-            let (layout, next) = (&layout, &next);
+            let (sender, mut drive) = (sender.clone(), drive.clone());
+            let next = &next;
             scope.spawn(move || {
-                let mut ant = AntMaze::new(layout, Physics::MAZE);
+                let mut simulator = simulators::create(name, layout, SUCCESS_RADIUS)?;
                 while !stopped() {
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     if number >= count {
                         break;
                     }
                     let seed = (config.run.seed << 32) + number as u64;
-                    let episode = walk(&mut ant, &mut walker, layout, settings, seed);
-                    if sender.send((number, episode)).is_err() {
-                        break;
-                    }
+                    let episode =
+                        episode::play(&mut *simulator, &mut drive, layout, settings, seed)?;
+                    sender.send((number, episode)).ok()?;
                 }
+                Some(())
             });
         }
         drop(sender);
@@ -131,108 +142,48 @@ pub fn collect(
             progress(done.min(settings.transitions), settings.transitions);
         }
     });
-    if stopped() {
-        return Ok(None);
-    }
-    write(
-        output,
-        made(config)?.as_ref(),
-        &layout,
-        episodes.into_iter().flatten(),
-        rows,
-    )
-    .map(Some)
-}
-
-fn walk(
-    ant: &mut AntMaze,
-    walker: &mut Walker,
-    layout: &Layout,
-    settings: &Collect,
-    seed: u64,
-) -> Episode {
-    let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let style = if settings.style == "play" {
-        Style::Play
-    } else {
-        Style::Diverse
-    };
-    let task = random_task(layout, style, &mut rng);
-    let mut route = Route::new(layout, task.goal, task.goal_cell);
-    ant.reset(task.start, &mut rng);
-    let mut episode = Episode::default();
-    let noise = Normal::new(0.0, settings.noise as f32).ok();
-    let (mut waypoint, mut offset) = ([f32::NAN; 2], [0.0; 2]);
-    let mut o = ant.observation();
-    for _ in 0..=settings.episode_steps {
-        let place = [o[0], o[1]];
-        let goal = route.goal();
-        if (goal[0] - place[0]).hypot(goal[1] - place[1]) < SUCCESS_RADIUS {
-            let task = random_task(layout, style, &mut rng);
-            route = Route::new(layout, task.goal, task.goal_cell);
-        }
-        let towards = route.waypoint(layout, place);
-        if towards != waypoint {
-            waypoint = towards;
-            let last = towards == route.goal();
-            offset = [0; 2].map(|_| {
-                if last {
-                    0.0
-                } else {
-                    rng.random_range(-OFF_CENTRE..OFF_CENTRE)
-                }
-            });
-        }
-        let direction = [0, 1].map(|axis| waypoint[axis] + offset[axis] - place[axis]);
-        let mut action = walker.act(&o, direction);
-        for value in &mut action {
-            let noise = noise.map_or(0.0, |noise| noise.sample(&mut rng));
-            *value = (*value + noise).clamp(-1.0, 1.0);
-        }
-        episode.observations.extend_from_slice(&o);
-        episode.actions.extend_from_slice(&action);
-        episode.goals.extend(route.goal());
-        ant.step(&action);
-        o = ant.observation();
-        episode.next.extend_from_slice(&o);
-    }
-    episode
+    Ok(episodes.into_iter().flatten().collect())
 }
 
 fn write(
     output: &Output,
     made: Option<&Made>,
     layout: &Layout,
-    episodes: impl Iterator<Item = Episode>,
-    rows: usize,
+    body: &dyn Body,
+    episodes: Vec<Episode>,
 ) -> anyhow::Result<Collected> {
-    let mut all = Episode::default();
-    let (mut timeouts, mut count) = (vec![], 0);
+    let width = body.spaces().observation.len();
+    let (mut all, mut timeouts) = (Episode::default(), vec![]);
+    let count = episodes.len();
     for episode in episodes {
+        let rows = episode.next.len() / width;
+        timeouts.extend((0..rows).map(|row| u8::from(row + 1 == rows)));
         all.observations.extend(episode.observations);
         all.actions.extend(episode.actions);
         all.goals.extend(episode.goals);
         all.next.extend(episode.next);
-        timeouts.extend((0..rows).map(|row| u8::from(row + 1 == rows)));
-        count += 1;
     }
-    let n = timeouts.len();
+    let next_rows = || all.next.chunks_exact(width);
     // D4RL's rewards are those of the evaluation's goal, whatever the behaviour aimed at.
     let target = layout
         .goals()
         .first()
         .map_or([0.0; 2], |goal| layout.centre(*goal));
-    let near = |next: &[f32]| (next[0] - target[0]).hypot(next[1] - target[1]) <= SUCCESS_RADIUS;
-    let terminals: Vec<u8> = all
-        .next
-        .chunks_exact(OBSERVATION)
-        .map(|next| u8::from(near(next)))
-        .collect();
-    let rewards: Vec<f32> = terminals
-        .iter()
-        .map(|terminal| f32::from(*terminal))
-        .collect();
-    let next = || all.next.chunks_exact(OBSERVATION);
+    let near = |next: &[f32]| {
+        let [x, y] = body.place(next);
+        (x - target[0]).hypot(y - target[1]) <= SUCCESS_RADIUS
+    };
+    let terminals: Vec<u8> = next_rows().map(|next| u8::from(near(next))).collect();
+    let rewards: Vec<f32> = terminals.iter().map(|flag| f32::from(*flag)).collect();
+    let columns = |columns: Range<usize>| -> Vec<f32> {
+        match body.name() == AntBody.name() {
+            true => next_rows()
+                .flat_map(|o| &o[columns.clone()])
+                .copied()
+                .collect(),
+            false => vec![],
+        }
+    };
     let staged = d4rl::stage_rows(
         output,
         &d4rl::Rows {
@@ -242,17 +193,17 @@ fn write(
             terminals: &terminals,
             timeouts: &timeouts,
             goals: &all.goals,
-            qpos: &next().flat_map(|o| &o[..15]).copied().collect::<Vec<_>>(),
-            qvel: &next().flat_map(|o| &o[15..]).copied().collect::<Vec<_>>(),
+            qpos: &columns(0..POSITIONS),
+            qvel: &columns(POSITIONS..width),
         },
         made,
     )?;
     staged.place()?;
-    let fallen = next().filter(|o| maze::upright(o) < maze::FALLEN).count();
+    let fallen = next_rows().filter(|o| body.upright(o) < FALLEN).count();
     Ok(Collected {
-        transitions: n,
+        transitions: timeouts.len(),
         episodes: count,
-        fallen: fallen as f64 / n.max(1) as f64,
+        fallen: fallen as f64 / timeouts.len().max(1) as f64,
         path: output.path().display().to_string(),
     })
 }

@@ -7,6 +7,7 @@
 mod attach;
 pub mod ceiling;
 pub mod collect;
+mod drive;
 mod inbox;
 mod navigate;
 mod traces;
@@ -22,6 +23,9 @@ use anyhow::Context;
 use config::{Config, Kind};
 use maze::Layout;
 use wire::{Bus, RunDomain};
+
+/// Name of the simulator that data are collected with.
+pub(crate) const SIMULATOR: &str = "ant";
 
 /// Rows of a trajectory of the hierarchy, its final row included.
 pub const TRAJECTORY_STEPS: usize = navigate::TRAJECTORY_STEPS;

@@ -7,10 +7,13 @@ use std::sync::Arc;
 
 use agents::navigator::{Decision, Navigator};
 use config::Config;
-use maze::{AntMaze, Layout, Observation, Start, Task, WALL_HEIGHT, upright};
+use maze::{
+    AntBody, AntMaze, AntSimulator, Layout, Observation, Start, Task, WALL_HEIGHT, upright,
+};
+use simulator::Body;
 use trace::{
     Behind, ChoiceRecord, EndRecord, Episode, EpisodeMeta, OutcomeRecord, Recorder, Scene,
-    StartRecord, StepRecord, Still,
+    StateRecord, StepRecord, Still,
 };
 
 use crate::inbox::Versions;
@@ -48,7 +51,8 @@ impl<'a> Traces<'a> {
         let settings = &config.traces;
         let wanted = settings.evaluation || settings.training_every > 0;
         let warn = |told: &str| log::warn!("{told}");
-        let recorder = wanted.then(|| Recorder::new(warn)).transpose()?;
+        let recorder = wanted.then(|| Recorder::new(&AntBody.spaces(), warn));
+        let recorder = recorder.transpose()?;
         Ok(Self {
             config,
             layout,
@@ -104,7 +108,7 @@ impl<'a> Traces<'a> {
         task: &Task,
         start: &Start,
         navigator: &Navigator,
-        [low_version, high_version, graph_version]: Versions,
+        versions: Versions,
     ) {
         if !self.is_wanted(numbered) {
             return;
@@ -130,12 +134,16 @@ impl<'a> Traces<'a> {
             maze: config.maze.layout.clone(),
             start: task.start,
             goal: task.goal,
-            low_version,
-            high_version,
-            graph_version,
+            simulator: AntBody.name().to_owned(),
+            spaces: Some(AntBody.spaces()),
+            versions: ["low", "high", "graph"]
+                .map(str::to_owned)
+                .into_iter()
+                .zip(versions)
+                .collect(),
             success_radius: config.evaluation.success_radius as f32,
         };
-        let still = self.still(graph_version, navigator);
+        let still = self.still(versions[2], navigator);
         let behind = match numbered {
             Numbered::Evaluation(_) => Behind::Wait,
             Numbered::Round(..) | Numbered::Own(_) => Behind::Skip,
@@ -146,10 +154,7 @@ impl<'a> Traces<'a> {
                 part,
                 meta,
                 still,
-                start: StartRecord {
-                    state: start.observation,
-                    exits: start.exits,
-                },
+                state: Some(AntSimulator::state_of(start, task.goal)),
             };
             recorder.begin(episode, behind);
         }
@@ -161,12 +166,14 @@ impl<'a> Traces<'a> {
             return Arc::clone(still);
         }
         let graph = navigator.graph();
-        let still = Arc::new(Still::new(Scene {
+        let scene = Scene {
             walls: self.layout.boxes(),
             wall_height: WALL_HEIGHT,
             nodes: graph.places.clone(),
             edges: graph.pairs(),
-        }));
+            ..Scene::default()
+        };
+        let still = Arc::new(Still::new(scene.with_body(&AntBody)));
         self.still = Some((graph_version, Arc::clone(&still)));
         still
     }
@@ -208,16 +215,14 @@ impl<'a> Traces<'a> {
                 probabilities,
             });
         }
-        Some(StepRecord {
-            step,
-            observation: *observation,
-            action: decision.action,
-            reward: 0.0,
-            node: decision.node as i32,
-            subgoal_node,
-            subgoal: decision.place,
-            bodies: ant.body_poses(),
-        })
+        let mut record = recorder.blank();
+        record.step = step;
+        state_of(observation, ant, &mut record.state);
+        record.action.extend(decision.action);
+        record.node = decision.node as i32;
+        record.subgoal_node = subgoal_node;
+        record.subgoal = Some(decision.place);
+        Some(record)
     }
 
     /// Tells a step.
@@ -230,11 +235,13 @@ impl<'a> Traces<'a> {
     /// Ends the trace that is open.
     pub(crate) fn end(&mut self, success: bool, observation: &Observation, ant: &AntMaze) {
         if let Some(recorder) = self.recorder() {
+            let mut state = StateRecord::default();
+            state_of(observation, ant, &mut state);
+            let fell = upright(observation) < maze::FALLEN;
             recorder.end(EndRecord {
+                state,
                 success,
-                fell: upright(observation) < maze::FALLEN,
-                observation: *observation,
-                bodies: ant.body_poses(),
+                fell,
             });
         }
     }
@@ -245,4 +252,9 @@ impl<'a> Traces<'a> {
             recorder.discard();
         }
     }
+}
+
+fn state_of(observation: &Observation, ant: &AntMaze, state: &mut StateRecord) {
+    state.observation.extend(observation);
+    state.poses.extend(ant.body_poses());
 }

@@ -40,6 +40,7 @@ pub(crate) fn read(d: &mut Document<'_>, stem: &str, registry: &dyn Registry) ->
         actor,
         learner,
         graph_builder,
+        offline,
         dataset,
         collect,
         rollouts,

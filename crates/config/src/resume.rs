@@ -1,6 +1,7 @@
 //! What a change of a key means for a run that is resumed.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use crate::fault::shown;
 use crate::sections::Config;
@@ -92,6 +93,21 @@ impl Config {
             .collect()
     }
 
+    /// Paths of files that a run reads, by `table.key`. What makes the data set is none of them.
+    #[must_use]
+    pub fn inputs(&self) -> Vec<(String, PathBuf)> {
+        let values = flat_texts(self.resolved());
+        let inputs = self.keys.iter().filter(|key| key.on_resume == OnResume::Input);
+        let inputs = inputs.filter(|key| key.table != "collect");
+        let named = inputs.map(|key| format!("{}.{}", key.table, key.key));
+        named
+            .filter_map(|key| {
+                let path = values.get(&key).filter(|path| !path.is_empty())?;
+                Some((key.clone(), PathBuf::from(path)))
+            })
+            .collect()
+    }
+
     /// What a change of a key means; of one that this config does not have, it is fixed.
     fn on_resume(&self, path: &str) -> OnResume {
         let (table, name) = path.split_once('.').unwrap_or((path, ""));
@@ -99,6 +115,21 @@ impl Config {
         let key = keys.find(|key| (key.table, key.key) == (table, name));
         key.map_or(OnResume::Fixed, |key| key.on_resume)
     }
+}
+
+/// Texts by `table.key`.
+fn flat_texts(resolved: &str) -> BTreeMap<String, String> {
+    let mut texts = BTreeMap::new();
+    for (table, value) in toml::from_str::<toml::Table>(resolved).unwrap_or_default() {
+        for (key, value) in value.as_table().into_iter().flatten() {
+            if let Some(text) = value.as_str() {
+                // As a run file has them: `$` and `~` are written twice.
+                let path = crate::paths::expand(text, |_| None);
+                texts.insert(format!("{table}.{key}"), path.unwrap_or_default());
+            }
+        }
+    }
+    texts
 }
 
 /// Values by `table.key`.

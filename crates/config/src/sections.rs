@@ -171,6 +171,8 @@ pub struct Config {
     pub learner: Supervision,
     /// `[graph_builder]`
     pub graph_builder: Supervision,
+    /// Whether the algorithm learns from a data set, and is scored in an evaluation.
+    pub offline: bool,
     /// `[dataset]`
     pub dataset: Dataset,
     /// `[collect]`: makes the data set when its file is not there.

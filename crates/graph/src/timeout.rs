@@ -31,6 +31,9 @@ mod tests {
             factor: 2.0,
             most: 40,
         };
-        assert_eq!([3.0, 12.2, 90.0].map(|steps| timeout.limit(steps)), [15, 25, 40]);
+        assert_eq!(
+            [3.0, 12.2, 90.0].map(|steps| timeout.limit(steps)),
+            [15, 25, 40]
+        );
     }
 }

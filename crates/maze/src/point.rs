@@ -25,6 +25,15 @@ const TOP_SPEED: f32 = STRIDE / CONTROL_SECONDS;
 #[derive(Debug, Clone, Copy)]
 pub struct PointBody;
 
+impl PointBody {
+    /// The action that moves it straight on by a way (m), or as far as it gets in a step.
+    #[must_use]
+    pub fn towards(way: [f32; 2]) -> [f32; 2] {
+        let longest = way[0].abs().max(way[1].abs()).max(STRIDE);
+        way.map(|axis| axis / longest)
+    }
+}
+
 static PARTS: [Part; 1] = [Part {
     name: "point",
     shapes: &[Shape::Sphere { radius: RADIUS }],
@@ -134,6 +143,13 @@ mod tests {
             PointBody.to_actuators(frame, &[1.0, 0.0], &mut actuators);
             assert_eq!(actuators, direction);
         }
+    }
+
+    #[test]
+    fn it_moves_straight_to_a_place_and_stops_there() {
+        assert_eq!(PointBody::towards([4.0, -2.0]), [1.0, -0.5]);
+        assert_eq!(PointBody::towards([0.1, 0.0]), [0.5, 0.0]);
+        assert_eq!(PointBody::towards([0.0, 0.0]), [0.0, 0.0]);
     }
 
     #[test]

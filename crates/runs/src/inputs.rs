@@ -7,7 +7,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use config::{Config, Kind};
+use config::Config;
 use serde::{Deserialize, Serialize};
 
 use crate::file;
@@ -35,29 +35,6 @@ pub struct Inputs {
     prints: BTreeMap<String, Fingerprint>,
 }
 
-/// Paths that a run reads, by `table.key`.
-pub fn paths(config: &Config) -> Vec<(&'static str, &Path)> {
-    let mut paths = vec![];
-    if config.run.kind == Kind::Walker {
-        paths.push(("walker.start", config.walker.start.as_str()));
-    } else {
-        paths.push(("dataset.path", config.dataset.path.as_str()));
-        let stages = [
-            ("encoder.from", &config.encoder.from),
-            ("low.from", &config.low.from),
-        ];
-        let given = stages
-            .iter()
-            .filter_map(|(key, path)| Some((*key, path.as_deref()?)));
-        paths.extend(given);
-    }
-    paths.retain(|(_, path)| !path.is_empty());
-    paths
-        .into_iter()
-        .map(|(key, path)| (key, Path::new(path)))
-        .collect()
-}
-
 fn record_path(folder: &Path) -> PathBuf {
     folder.join("checkpoints").join("inputs.json")
 }
@@ -69,8 +46,8 @@ impl Inputs {
     /// Cannot read an input, or write the record.
     pub fn record(config: &Config, folder: &Path) -> anyhow::Result<()> {
         let mut prints = BTreeMap::new();
-        for (key, path) in paths(config) {
-            prints.insert(key.to_owned(), fingerprint(path)?);
+        for (key, path) in config.inputs() {
+            prints.insert(key, fingerprint(&path)?);
         }
         let context = || format!("reading {}", folder.display());
         let inputs = Self {

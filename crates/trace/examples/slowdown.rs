@@ -10,12 +10,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use maze::{AntMaze, Layout, Physics};
+use maze::{AntBody, AntSimulator, Layout};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use simulator::{Body, Simulator, Task};
 use trace::{
-    Behind, ChoiceRecord, EndRecord, Episode, EpisodeMeta, Recorder, Scene, StartRecord,
-    StepRecord, Still,
+    Behind, ChoiceRecord, EndRecord, Episode, EpisodeMeta, Recorder, Scene, StateRecord, Still,
 };
 
 /// Steps of an episode, and episodes of a turn: more than the recorder's queue holds.
@@ -30,7 +30,7 @@ type Failure = Box<dyn std::error::Error>;
 
 /// A simulating thread's own.
 struct Bench {
-    ant: AntMaze,
+    ant: AntSimulator,
     folder: PathBuf,
     still: Arc<Still>,
 }
@@ -45,7 +45,7 @@ fn main() -> Result<(), Failure> {
         let folder = folder.join(core.to_string());
         std::fs::create_dir_all(&folder)?;
         benches.push(Bench {
-            ant: AntMaze::new(&layout, Physics::MAZE),
+            ant: AntSimulator::new(&layout, maze::SUCCESS_RADIUS),
             folder,
             still: Arc::clone(&still),
         });
@@ -113,7 +113,8 @@ fn timed(benches: &mut [Bench], traced: Option<Behind>) -> Cost {
     let ended: Vec<f64> = std::thread::scope(|scope| {
         let spawn = benches.iter_mut().map(|bench| {
             scope.spawn(move || {
-                let recorder = traced.map(|_| Recorder::new(|told| eprintln!("{told}")));
+                let recorder =
+                    traced.map(|_| Recorder::new(&AntBody.spaces(), |text| eprintln!("{text}")));
                 let mut recorder = recorder.and_then(Result::ok).zip(traced);
                 let mut rng = Pcg64Mcg::seed_from_u64(0);
                 for episode in 0..EPISODES {
@@ -150,7 +151,11 @@ fn play(
     recorder: Option<&mut (Recorder, Behind)>,
 ) {
     let Bench { ant, folder, still } = bench;
-    let start = ant.reset([0.0, 0.0], rng);
+    let task = Task {
+        start: [0.0, 0.0],
+        goal: vec![32.0, 24.0],
+    };
+    ant.reset(&task, rng);
     let mut recorder = recorder.map(|(recorder, behind)| {
         let path = folder.join(format!("{episode}.mcap"));
         let episode = Episode {
@@ -158,10 +163,7 @@ fn play(
             path,
             meta: EpisodeMeta::default(),
             still: Arc::clone(still),
-            start: StartRecord {
-                state: start.observation,
-                exits: start.exits,
-            },
+            state: ant.state(),
         };
         recorder.begin(episode, *behind);
         recorder
@@ -173,17 +175,15 @@ fn play(
         recorder = None;
     }
     for step in 0..STEPS {
-        let observation = ant.observation();
-        let action = std::array::from_fn(|_| rng.random_range(-1.0..=1.0));
-        let record = recorder.is_some().then(|| StepRecord {
-            step,
-            observation,
-            action,
-            reward: 0.0,
-            node: 0,
-            subgoal_node: 1,
-            subgoal: [4.0, 0.0],
-            bodies: ant.body_poses(),
+        let action: [f32; 8] = std::array::from_fn(|_| rng.random_range(-1.0..=1.0));
+        let record = recorder.as_ref().map(|recorder| {
+            let mut record = recorder.blank();
+            record.step = step;
+            record.state.observe(ant);
+            record.action.extend(action);
+            (record.node, record.subgoal_node) = (0, 1);
+            record.subgoal = Some([4.0, 0.0]);
+            record
         });
         if let Some(recorder) = recorder.as_mut().filter(|_| step % CHOICE == 0) {
             recorder.choice(ChoiceRecord {
@@ -205,8 +205,7 @@ fn play(
         recorder.end(EndRecord {
             success: false,
             fell: false,
-            observation: ant.observation(),
-            bodies: ant.body_poses(),
+            state: StateRecord::of(ant),
         });
     }
 }
@@ -222,5 +221,7 @@ fn scene(layout: &Layout) -> Scene {
         wall_height: maze::WALL_HEIGHT,
         nodes,
         edges: edges.flat_map(|(a, b)| [(a, b), (b, a)]).collect(),
+        ..Scene::default()
     }
+    .with_body(&AntBody)
 }

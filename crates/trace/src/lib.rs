@@ -5,13 +5,13 @@
 //! | topic | schema | when |
 //! |---|---|---|
 //! | /scene/maze | foxglove.SceneUpdate: walls, goal | once |
-//! | /scene/ant | foxglove.SceneUpdate, locked to the bodies' frames | once |
+//! | /scene/body | foxglove.SceneUpdate, locked to the parts' frames | once |
 //! | /scene/choice | foxglove.SceneUpdate: from the node of the choice to the chosen one | each choice |
 //! | /graph | foxglove.SceneUpdate: nodes, edges | once |
 //! | /graph/nodes | foxglove.PosesInFrame | once |
 //! | /graph/structure | formica.Graph: [`Graph`] | once |
-//! | /points/walls, /points/ant | foxglove.PointCloud, for viewers that draw no scene | once |
-//! | /tf | foxglove.FrameTransforms of the nine bodies | each step, and after the last |
+//! | /points/walls, /points/body | foxglove.PointCloud, for viewers that draw no scene | once |
+//! | /tf | foxglove.FrameTransforms of the body's parts | each step, and after the last |
 //! | /goal | foxglove.PoseInFrame | once |
 //! | /subgoal | foxglove.PoseInFrame | each change |
 //! | /path | foxglove.PosesInFrame: last ten seconds, at the end all | each second |
@@ -21,6 +21,10 @@
 //! | /outcome | formica.EdgeOutcome: [`EdgeOutcome`] | each choice reached or given up |
 //! | /end | formica.End: [`End`] | once |
 //! | /log | foxglove.Log: start, choices, what became of them, end | as it happens |
+//!
+//! /graph, /choice, /outcome and /scene/choice are in traces of algorithms with a graph, and what shows
+//! the body in those of simulators that draw one. Older traces have /scene/ant and /points/ant instead
+//! of /scene/body and /points/body.
 //!
 //! A message's log time is the wall clock at the start plus simulated time, so that a trace plays
 //! at the speed of the simulated world. Attachments: `config.toml`, `layout.json` (a layout for
@@ -52,7 +56,7 @@ pub use lost::Lost;
 pub use message::{Choice, EdgeOutcome, End, Graph, Start, Step};
 pub use meta::{EpisodeMeta, Outcome};
 pub use read::{Trace, read, read_bytes, read_whole};
-pub use record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
+pub use record::{ChoiceRecord, EndRecord, OutcomeRecord, StateRecord, StepRecord};
 pub use recorder::{Behind, Episode, Recorder};
 pub use recover::{Recovered, recover, recover_bytes};
 pub use scene::Scene;

@@ -1,9 +1,22 @@
-//! What a trace's metadata records say, as strings for any tool and as types for ours.
+//! A trace's metadata records, as strings for any tool and as types for ours.
 
 use std::collections::BTreeMap;
 
+use simulator::Spaces;
+
+/// The simulator of traces that do not name one.
+const FIRST_SIMULATOR: &str = "ant";
+/// Keys of versions in traces of older versions, and their names now.
+const OLD_VERSIONS: [(&str, &str); 3] = [
+    ("low_version", "low"),
+    ("high_version", "high"),
+    ("graph_version", "graph"),
+];
+/// What keys of versions begin with.
+const VERSION: &str = "version.";
+
 /// Which episode a trace is of: the record `formica.episode`, written first. Keys of the record are
-/// the fields' names unless told.
+/// the fields' names unless stated.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct EpisodeMeta {
     /// Version of Formica; key `formica`.
@@ -24,16 +37,17 @@ pub struct EpisodeMeta {
     pub seed: u64,
     /// Name of the maze's layout.
     pub maze: String,
-    /// The torso's place at the start, before reset noise: x, y (m).
+    /// Name of the simulator; empty in older traces, see [`simulator`](Self::simulator).
+    pub simulator: String,
+    /// What is observed and done; none in older traces.
+    pub spaces: Option<Spaces>,
+    /// The place of the start, before reset noise: x, y (m).
     pub start: [f32; 2],
     /// The goal: x, y (m).
     pub goal: [f32; 2],
-    /// Version of the low-level weights.
-    pub low_version: u64,
-    /// Version of the high-level weights.
-    pub high_version: u64,
-    /// Version of the graph.
-    pub graph_version: u64,
+    /// Versions of the networks and the graph that the episode is played with, by name; keys
+    /// `version.NAME`.
+    pub versions: BTreeMap<String, u64>,
     /// Distance to the goal that counts as success (m).
     pub success_radius: f32,
 }
@@ -43,7 +57,7 @@ pub struct EpisodeMeta {
 pub struct Outcome {
     /// Whether the goal was reached; key `outcome`: `success` or `failure`.
     pub success: bool,
-    /// Whether the ant lay on its back at the end.
+    /// Whether the body had fallen at the end.
     pub fell: bool,
     /// Control steps.
     pub steps: u32,
@@ -73,16 +87,40 @@ fn place_of(record: &Record, key: &str) -> Option<[f32; 2]> {
     Some([x.trim().parse().ok()?, y.trim().parse().ok()?])
 }
 
-fn record<const N: usize>(entries: [(&str, String); N]) -> Record {
+fn record(entries: impl IntoIterator<Item = (&'static str, String)>) -> Record {
     let entries = entries.into_iter();
     entries
         .map(|(key, value)| (key.to_owned(), value))
         .collect()
 }
 
+/// The versions of a record, whatever version of Formica wrote it.
+fn versions(metadata: &Record) -> BTreeMap<String, u64> {
+    let entries = metadata.iter().filter_map(|(key, value)| {
+        let old = || {
+            OLD_VERSIONS
+                .iter()
+                .find(|(old, _)| *old == key)
+                .map(|(_, name)| *name)
+        };
+        let name = key.strip_prefix(VERSION).or_else(old)?;
+        Some((name.to_owned(), value.parse().ok()?))
+    });
+    entries.collect()
+}
+
 impl EpisodeMeta {
+    /// Name of the simulator; `ant` where the trace is from before there were others.
+    #[must_use]
+    pub fn simulator(&self) -> &str {
+        match &*self.simulator {
+            "" => FIRST_SIMULATOR,
+            name => name,
+        }
+    }
+
     pub(crate) fn record(&self) -> Record {
-        record([
+        let mut record = record([
             ("formica", self.version.clone()),
             ("run", self.run.clone()),
             ("config", self.config_hash.clone()),
@@ -93,11 +131,14 @@ impl EpisodeMeta {
             ("maze", self.maze.clone()),
             ("start", place(self.start)),
             ("goal", place(self.goal)),
-            ("low_version", self.low_version.to_string()),
-            ("high_version", self.high_version.to_string()),
-            ("graph_version", self.graph_version.to_string()),
+            ("simulator", self.simulator.clone()),
             ("success_radius", self.success_radius.to_string()),
-        ])
+        ]);
+        let spaces = self.spaces.iter();
+        record.extend(spaces.map(|spaces| ("spaces".to_owned(), spaces.to_string())));
+        let versions = self.versions.iter();
+        record.extend(versions.map(|(name, n)| (format!("{VERSION}{name}"), n.to_string())));
+        record
     }
 
     /// Reads the record back; a key that is missing or unreadable gives the type's default, for
@@ -115,9 +156,11 @@ impl EpisodeMeta {
             maze: value(metadata, "maze"),
             start: place_of(metadata, "start").unwrap_or_default(),
             goal: place_of(metadata, "goal").unwrap_or_default(),
-            low_version: value(metadata, "low_version"),
-            high_version: value(metadata, "high_version"),
-            graph_version: value(metadata, "graph_version"),
+            simulator: value(metadata, "simulator"),
+            spaces: metadata
+                .get("spaces")
+                .and_then(|text| Spaces::parse(text).ok()),
+            versions: versions(metadata),
             success_radius: value(metadata, "success_radius"),
         }
     }
@@ -148,5 +191,44 @@ impl Outcome {
             steps: metadata.get("steps")?.parse().ok()?,
             episode_return: value(metadata, "return"),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_are_read_by_their_old_names_too() {
+        let metadata = record([
+            ("low_version", "4".to_owned()),
+            ("graph_version", "6".to_owned()),
+            ("version.encoder", "9".to_owned()),
+            ("version.high", "none".to_owned()),
+        ]);
+        let meta = EpisodeMeta::of(&metadata, String::new());
+        let expected = [("encoder", 9), ("graph", 6), ("low", 4)];
+        assert_eq!(
+            meta.versions,
+            expected.map(|(name, n)| (name.to_owned(), n)).into()
+        );
+        assert_eq!((meta.simulator(), &meta.spaces), ("ant", &None));
+    }
+
+    #[test]
+    fn a_record_is_read_back() {
+        let meta = EpisodeMeta {
+            simulator: "point".to_owned(),
+            spaces: Spaces::parse("u8:64x64x3 f32:2 2 0.05").ok(),
+            versions: [("low".to_owned(), 7)].into(),
+            goal: [1.5, -2.0],
+            ..EpisodeMeta::default()
+        };
+        let record = meta.record();
+        assert_eq!(
+            (&*record["version.low"], &*record["goal"]),
+            ("7", "[1.5, -2]")
+        );
+        assert_eq!(EpisodeMeta::of(&record, String::new()), meta);
     }
 }

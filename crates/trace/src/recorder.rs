@@ -9,25 +9,28 @@ use std::sync::mpsc::{self, Receiver, SyncSender, TryRecvError, TrySendError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
+use simulator::Spaces;
+
+use crate::record::{ChoiceRecord, EndRecord, OutcomeRecord, StepRecord};
 use crate::still::Still;
 use crate::write::EpisodeWriter;
 use crate::{EpisodeMeta, TraceError};
 
-/// Places in the queue, allocated once: more than eight episodes.
+/// Places in the queue: more than eight episodes.
 const QUEUE: usize = 8192;
-/// An episode begins when so many places are free,
-const ROOM: u64 = QUEUE as u64 / 2;
-/// or leaves no trace when they are not for so long.
+/// Memory that records in the queue may take (bytes): where they are large, as images are, the queue
+/// has fewer places.
+const MEMORY: usize = 64 << 20;
+/// Memory of a record beside its observation (bytes).
+const REST: usize = 512;
+/// An episode that begins while less than half of the queue is free waits so long, and leaves no
+/// trace if that does not help.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// Traces leave so much of a disk (bytes) to what matters more: states, weights, the score.
 const RESERVE: u64 = 64 << 20;
 /// Nice, as far as it goes.
 const LOWEST_PRIORITY: i32 = 19;
-/// The thread is woken for so many records at a time. Whoever wakes gets a slice of a few
-/// milliseconds, whatever its priority: to wake it often would take them from the simulation.
-const WAKE: u32 = QUEUE as u32 / 4;
-/// And looks by itself so often, for what is to be on disk within a second.
+/// The thread looks by itself so often, for what is to be on disk within a second.
 const LOOK: Duration = Duration::from_millis(250);
 
 /// What becomes of an episode that begins while the thread is behind.
@@ -50,21 +53,17 @@ pub struct Episode {
     pub meta: EpisodeMeta,
     /// The world around it.
     pub still: Arc<Still>,
-    /// Its start.
-    pub start: StartRecord,
+    /// The simulator's state at its start, if it can be saved.
+    pub state: Option<Vec<u8>>,
 }
 
-#[expect(
-    clippy::large_enum_variant,
-    reason = "most are steps, and a box would be an allocation in the step loop"
-)]
 enum Job {
     /// An episode, and whether it was given up meanwhile.
     Begin(Box<Episode>, Arc<AtomicBool>),
     Outcome(OutcomeRecord),
     Choice(ChoiceRecord),
     Step(StepRecord),
-    End(Box<EndRecord>),
+    End(EndRecord),
 }
 
 /// Takes records, and never waits within an episode: where the disk cannot follow, the trace is given
@@ -72,6 +71,10 @@ enum Job {
 pub struct Recorder {
     /// None while it is dropped.
     queue: Option<SyncSender<Job>>,
+    /// Places in the queue.
+    places: u64,
+    /// Step records that were written, to be filled anew: after the first episodes none is allocated.
+    spare: Receiver<StepRecord>,
     thread: Option<JoinHandle<()>>,
     /// Whether an episode is being traced.
     open: bool,
@@ -81,19 +84,23 @@ pub struct Recorder {
     sent: u64,
     taken: Arc<AtomicU64>,
     /// Records since the thread was woken.
-    quiet: u32,
+    quiet: u64,
     /// Whether an episode has been skipped.
     skipped: bool,
     warn: fn(&str),
 }
 
 impl Recorder {
-    /// Starts the thread. `warn` is told of what fails; once, until something works again.
+    /// Starts the thread, for records of a simulator's shape. `warn` gets what fails; once, until
+    /// something works again.
     ///
     /// # Errors
     /// No more threads.
-    pub fn new(warn: fn(&str)) -> std::io::Result<Self> {
-        let (queue, jobs) = mpsc::sync_channel(QUEUE);
+    pub fn new(spaces: &Spaces, warn: fn(&str)) -> std::io::Result<Self> {
+        let bytes = 4 * spaces.observation.words() + REST;
+        let places = (MEMORY / bytes).clamp(64, QUEUE);
+        let (queue, jobs) = mpsc::sync_channel(places);
+        let (written, spare) = mpsc::sync_channel(places);
         let taken = Arc::new(AtomicU64::new(0));
         let count = Arc::clone(&taken);
         let thread = std::thread::Builder::new()
@@ -103,6 +110,7 @@ impl Recorder {
                 let _ = rustix::process::setpriority_process(None, LOWEST_PRIORITY);
                 Writer {
                     taken: count,
+                    written,
                     discarded: Arc::default(),
                     episode: None,
                     failed: false,
@@ -112,6 +120,8 @@ impl Recorder {
             })?;
         Ok(Self {
             queue: Some(queue),
+            places: places as u64,
+            spare,
             thread: Some(thread),
             open: false,
             discarded: Arc::default(),
@@ -132,7 +142,7 @@ impl Recorder {
     /// Begins a trace, where there is room for it.
     pub fn begin(&mut self, episode: Episode, behind: Behind) {
         let start = Instant::now();
-        while self.sent - self.taken.load(Ordering::Relaxed) > ROOM {
+        while self.sent - self.taken.load(Ordering::Relaxed) > self.places / 2 {
             if behind == Behind::Skip {
                 self.skip();
                 return;
@@ -149,24 +159,33 @@ impl Recorder {
         self.send(Job::Begin(Box::new(episode), Arc::clone(&self.discarded)));
     }
 
-    /// Tells what became of a choice.
+    /// Records what became of a choice.
     pub fn outcome(&mut self, record: OutcomeRecord) {
         self.send(Job::Outcome(record));
     }
 
-    /// Tells a choice.
+    /// Records a choice.
     pub fn choice(&mut self, record: ChoiceRecord) {
         self.send(Job::Choice(record));
     }
 
-    /// Tells a step.
+    /// An empty record to fill for [`step`](Self::step), without an allocation where one was written
+    /// before.
+    #[must_use]
+    pub fn blank(&self) -> StepRecord {
+        let mut record = self.spare.try_recv().unwrap_or_default();
+        record.clear();
+        record
+    }
+
+    /// Records a step.
     pub fn step(&mut self, record: StepRecord) {
         self.send(Job::Step(record));
     }
 
     /// Ends the trace: whole, it comes to its place a little later.
     pub fn end(&mut self, record: EndRecord) {
-        self.send(Job::End(Box::new(record)));
+        self.send(Job::End(record));
         self.open = false;
     }
 
@@ -203,7 +222,9 @@ impl Recorder {
             Ok(()) => {
                 self.sent += 1;
                 self.quiet += 1;
-                if self.quiet >= WAKE {
+                // Whoever wakes gets a slice of a few milliseconds, whatever its priority: to wake
+                // the thread often would take them from the simulation.
+                if self.quiet >= self.places / 4 {
                     self.wake();
                 }
             }
@@ -255,6 +276,8 @@ fn has_room(path: &Path) -> Result<(), TraceError> {
 /// The thread's side.
 struct Writer {
     taken: Arc<AtomicU64>,
+    /// Where records go once they are written.
+    written: SyncSender<StepRecord>,
     /// Whether the episode that was taken last is given up.
     discarded: Arc<AtomicBool>,
     episode: Option<EpisodeWriter>,
@@ -302,10 +325,10 @@ impl Writer {
                     part,
                     meta,
                     still,
-                    start,
+                    state,
                 } = *episode;
                 let begun = has_room(&path)
-                    .and_then(|()| EpisodeWriter::begin(&path, part, &meta, still, &start));
+                    .and_then(|()| EpisodeWriter::begin(&path, part, &meta, still, state));
                 match begun {
                     Ok(writer) => self.episode = Some(writer),
                     Err(error) => self.fail(&error),
@@ -313,7 +336,10 @@ impl Writer {
             }
             Job::Outcome(record) => self.write(|writer| writer.outcome(&record)),
             Job::Choice(record) => self.write(|writer| writer.choice(record)),
-            Job::Step(record) => self.write(|writer| writer.step(&record)),
+            Job::Step(record) => {
+                self.write(|writer| writer.step(&record));
+                let _ = self.written.try_send(record);
+            }
             Job::End(record) => match self.episode.take().map(|writer| writer.end(&record)) {
                 Some(Err(error)) => self.fail(&error),
                 Some(Ok(_)) => self.failed = false,
@@ -362,10 +388,7 @@ mod tests {
                 part,
                 meta: EpisodeMeta::default(),
                 still: Arc::new(Still::new(Scene::default())),
-                start: StartRecord {
-                    state: [0.0; 29],
-                    exits: 0,
-                },
+                state: None,
             })
         };
         let (queue, jobs) = mpsc::sync_channel(4);
@@ -378,6 +401,7 @@ mod tests {
         let told = |told: &str| assert!(told.contains("/3.mcap"), "{told}");
         let mut writer = Writer {
             taken: Arc::default(),
+            written: mpsc::sync_channel(1).0,
             discarded: Arc::default(),
             episode: None,
             failed: false,

@@ -1,4 +1,4 @@
-//! What stands still: walls, graph, goal; and the ant's shape. Walls and ant twice: as a scene, and
+//! What stands still: walls, graph, goal; and the body's shape. Walls and body twice: as a scene, and
 //! as points for viewers that draw no scene (Rerun).
 
 use foxglove::bytes::Bytes;
@@ -7,6 +7,9 @@ use foxglove::messages::{
     Color, CubePrimitive, CylinderPrimitive, LinePrimitive, PackedElementField, Point3, PointCloud,
     Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive, Vector3, line_primitive,
 };
+use simulator::{Body, Part, Shape};
+
+use crate::topic::Topic;
 
 /// The world around an episode, which many share.
 #[derive(Debug, Clone, Default)]
@@ -15,7 +18,12 @@ pub struct Scene {
     pub walls: Vec<[f32; 4]>,
     /// Their height (m).
     pub wall_height: f32,
-    /// Places of the graph's nodes (m).
+    /// The body's parts.
+    pub parts: &'static [Part],
+    /// Points of the body in the frame of its first part (m).
+    pub outline: Vec<[f32; 3]>,
+    /// Places of the graph's nodes (m); empty where there is no graph, of which a trace then has no
+    /// topic.
     pub nodes: Vec<[f32; 2]>,
     /// Pairs of nodes that an edge links.
     pub edges: Vec<(u32, u32)>,
@@ -23,11 +31,6 @@ pub struct Scene {
 
 /// The one fixed frame.
 pub(crate) const WORLD: &str = "world";
-
-/// Names of the frames of torso and the hip and foot links of legs 1 to 4.
-pub(crate) const BODIES: [&str; 9] = [
-    "torso", "hip_1", "foot_1", "hip_2", "foot_2", "hip_3", "foot_3", "hip_4", "foot_4",
-];
 
 const GREY: Color = Color {
     r: 0.6,
@@ -128,6 +131,25 @@ fn entity(id: &str) -> SceneEntity {
 }
 
 impl Scene {
+    /// The scene with a body.
+    #[must_use]
+    pub fn with_body(self, body: &dyn Body) -> Self {
+        Self {
+            parts: body.parts(),
+            outline: body.outline(),
+            ..self
+        }
+    }
+
+    /// Whether a trace of the scene has a topic.
+    pub(crate) fn has(&self, topic: Topic) -> bool {
+        match topic {
+            Topic::BodyPoints => !self.outline.is_empty(),
+            _ if topic.is_of_body() => !self.parts.is_empty(),
+            _ => !topic.is_of_graph() || !self.nodes.is_empty(),
+        }
+    }
+
     /// The walls.
     pub(crate) fn maze(&self) -> SceneUpdate {
         let h = self.wall_height;
@@ -263,57 +285,49 @@ pub(crate) fn goal([x, y]: [f32; 2], radius: f32) -> SceneUpdate {
     }
 }
 
-/// The standing ant as points about its torso.
-pub(crate) fn ant_points() -> PointCloud {
-    let legs = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
-    let leg = |[x, y]: [f32; 2]| {
-        let reach = |i: u8| 0.1 * f32::from(i);
-        // Out from the torso, then down to the floor.
-        (1..9).map(move |i| [x * reach(i), y * reach(i), -0.12 * f32::from(i.max(4) - 4)])
-    };
-    let torso = (0_u8..12).flat_map(|i| {
-        let (sin, cos) = (f32::from(i) * std::f32::consts::FRAC_PI_6).sin_cos();
-        [[0.25 * cos, 0.25 * sin, 0.0], [0.25 * cos, 0.0, 0.25 * sin]]
-    });
-    cloud(BODIES[0], torso.chain(legs.into_iter().flat_map(leg)))
+/// A shape, added to the entity of its part.
+fn draw(shape: Shape, entity: &mut SceneEntity) {
+    match shape {
+        Shape::Sphere { radius } => entity.spheres.push(SpherePrimitive {
+            pose: Some(pose(0.0, 0.0, 0.0)),
+            size: size(2.0 * radius, 2.0 * radius, 2.0 * radius),
+            color: Some(BRASS),
+        }),
+        Shape::Capsule { from, to, radius } => entity.lines.push(LinePrimitive {
+            r#type: line_primitive::Type::LineStrip as i32,
+            pose: Some(pose(0.0, 0.0, 0.0)),
+            thickness: f64::from(radius) * 2.0,
+            points: [from, to].map(|[x, y, z]| point(x, y, z)).to_vec(),
+            color: Some(BRASS),
+            ..LinePrimitive::default()
+        }),
+    }
 }
 
-/// The ant's bodies, each locked to its frame: only /tf moves.
-pub(crate) fn ant() -> SceneUpdate {
-    let legs = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
-    let bone = |direction: [f32; 2], length: f32| LinePrimitive {
-        r#type: line_primitive::Type::LineStrip as i32,
-        pose: Some(pose(0.0, 0.0, 0.0)),
-        thickness: 0.16,
-        points: vec![
-            point(0.0, 0.0, 0.0),
-            point(length * direction[0], length * direction[1], 0.0),
-        ],
-        color: Some(BRASS),
-        ..LinePrimitive::default()
-    };
-    let entities = BODIES.iter().enumerate().map(|(body, frame)| {
-        let mut entity = SceneEntity {
-            frame_id: (*frame).to_owned(),
-            id: (*frame).to_owned(),
-            frame_locked: true,
-            ..SceneEntity::default()
-        };
-        if body == 0 {
-            entity.spheres.push(SpherePrimitive {
-                pose: Some(pose(0.0, 0.0, 0.0)),
-                size: size(0.5, 0.5, 0.5),
-                color: Some(BRASS),
-            });
-            entity.lines.extend(legs.map(|leg| bone(leg, 0.2)));
-        } else {
-            let length = if body % 2 == 1 { 0.2 } else { 0.4 };
-            entity.lines.push(bone(legs[(body - 1) / 2], length));
+impl Scene {
+    /// The body's outline, which moves with its first part.
+    pub(crate) fn body_points(&self) -> PointCloud {
+        let frame = self.parts.first().map_or(WORLD, |part| part.name);
+        cloud(frame, self.outline.iter().copied())
+    }
+
+    /// The body's parts, each locked to its frame: only /tf moves.
+    pub(crate) fn body(&self) -> SceneUpdate {
+        let entities = self.parts.iter().map(|part| {
+            let mut entity = SceneEntity {
+                frame_id: part.name.to_owned(),
+                id: part.name.to_owned(),
+                frame_locked: true,
+                ..SceneEntity::default()
+            };
+            for shape in part.shapes {
+                draw(*shape, &mut entity);
+            }
+            entity
+        });
+        SceneUpdate {
+            entities: entities.collect(),
+            ..SceneUpdate::default()
         }
-        entity
-    });
-    SceneUpdate {
-        entities: entities.collect(),
-        ..SceneUpdate::default()
     }
 }

@@ -5,7 +5,7 @@ use foxglove::messages::PosesInFrame;
 use prost::Message;
 
 use crate::message;
-use crate::scene::{self, Scene, WORLD};
+use crate::scene::{Scene, WORLD};
 use crate::topic::Topic;
 
 /// A scene and its messages.
@@ -14,7 +14,7 @@ pub struct Still {
     pub(crate) scene: Scene,
     /// Each lacks what differs between episodes: time, goal. Fields may follow in any order in
     /// protobuf, and repeated ones add up, so that it is put behind.
-    messages: [(Topic, Vec<u8>); 7],
+    messages: Vec<(Topic, Vec<u8>)>,
 }
 
 impl Still {
@@ -33,18 +33,17 @@ impl Still {
             from: scene.edges.iter().map(|(from, _)| *from).collect(),
             to: scene.edges.iter().map(|(_, to)| *to).collect(),
         };
-        Self {
-            messages: [
-                (Topic::Maze, scene.maze().encode_to_vec()),
-                (Topic::Ant, scene::ant().encode_to_vec()),
-                (Topic::Graph, scene.graph().encode_to_vec()),
-                (Topic::Nodes, nodes.encode_to_vec()),
-                (Topic::Structure, structure.encode_to_vec()),
-                (Topic::WallPoints, scene.wall_points().encode_to_vec()),
-                (Topic::AntPoints, scene::ant_points().encode_to_vec()),
-            ],
-            scene,
-        }
+        let mut messages = vec![
+            (Topic::Maze, scene.maze().encode_to_vec()),
+            (Topic::Body, scene.body().encode_to_vec()),
+            (Topic::Graph, scene.graph().encode_to_vec()),
+            (Topic::Nodes, nodes.encode_to_vec()),
+            (Topic::Structure, structure.encode_to_vec()),
+            (Topic::WallPoints, scene.wall_points().encode_to_vec()),
+            (Topic::BodyPoints, scene.body_points().encode_to_vec()),
+        ];
+        messages.retain(|(topic, _)| scene.has(*topic));
+        Self { messages, scene }
     }
 
     pub(crate) fn messages(&self) -> impl Iterator<Item = (Topic, &[u8])> {

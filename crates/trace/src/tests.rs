@@ -3,21 +3,24 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use durable::{Existing, OutputError};
+use maze::AntBody;
+use simulator::{Body, Spaces};
 
 use super::*;
 use crate::{
     Behind, ChoiceRecord, EndRecord, Episode, EpisodeWriter, OutcomeRecord, Recorder, Scene,
-    StartRecord, StepRecord, Still, recover,
+    StateRecord, StepRecord, Still, recover,
 };
 
 fn still() -> Arc<Still> {
-    Arc::new(Still::new(Scene {
+    let scene = Scene {
         walls: vec![[0.0, 0.0, 2.0, 2.0]],
         nodes: vec![[1.0, 1.0], [2.0, 2.0]],
         // The second names a node that does not exist.
         edges: vec![(0, 1), (0, 9)],
         ..Scene::default()
-    }))
+    };
+    Arc::new(Still::new(scene.with_body(&AntBody)))
 }
 
 fn meta() -> EpisodeMeta {
@@ -33,9 +36,11 @@ fn meta() -> EpisodeMeta {
         maze: "u".to_owned(),
         start: [0.5, -0.25],
         goal: [20.5, 0.1],
-        low_version: 4,
-        high_version: 5,
-        graph_version: 6,
+        simulator: "ant".to_owned(),
+        spaces: Some(AntBody.spaces()),
+        versions: [("low", 4), ("high", 5), ("graph", 6)]
+            .map(|(name, version)| (name.to_owned(), version))
+            .into(),
         success_radius: 0.5,
     }
 }
@@ -45,14 +50,21 @@ fn noise(step: u32, i: u32) -> f32 {
     ((step * 131 + i).wrapping_mul(2_654_435_761) >> 8) as f32 * 1e-7
 }
 
-fn numbers<const N: usize>(step: u32, from: u32) -> [f32; N] {
-    std::array::from_fn(|i| noise(step, from + i as u32))
+fn numbers(step: u32, from: u32, len: u32) -> Vec<f32> {
+    (from..from + len).map(|i| noise(step, i)).collect()
 }
 
-fn start() -> StartRecord {
-    StartRecord {
-        state: numbers(99, 0),
-        exits: u64::MAX,
+fn start() -> Option<Vec<u8>> {
+    Some((0..124).collect())
+}
+
+fn state(step: u32) -> StateRecord {
+    StateRecord {
+        observation: numbers(step, 0, 29),
+        observation_bytes: vec![],
+        poses: (0..9)
+            .map(|body| std::array::from_fn(|i| noise(step, 40 + 7 * body + i as u32)))
+            .collect(),
     }
 }
 
@@ -62,10 +74,9 @@ fn record(step: u32) -> StepRecord {
         reward: f32::from(u8::from(step % 10 == 9)),
         node: 0,
         subgoal_node: (step / 20) as i32 - 1,
-        observation: numbers(step, 0),
-        action: numbers(step, 29),
-        bodies: std::array::from_fn(|b| numbers(step, 40 + 7 * b as u32)),
-        subgoal: [2.0, 2.0],
+        state: state(step),
+        action: numbers(step, 29, 8),
+        subgoal: Some([2.0, 2.0]),
     }
 }
 
@@ -95,8 +106,7 @@ fn end(steps: u32) -> EndRecord {
     EndRecord {
         success: true,
         fell: false,
-        observation: numbers(steps, 0),
-        bodies: record(steps).bodies,
+        state: state(steps),
     }
 }
 
@@ -105,7 +115,7 @@ pub(crate) fn episode_bytes(steps: u32) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
     let mut writer =
-        EpisodeWriter::begin(&path, part_of(&path), &meta(), still(), &start()).unwrap();
+        EpisodeWriter::begin(&path, part_of(&path), &meta(), still(), start()).unwrap();
     for step in 0..steps {
         if step % 10 == 0 {
             if step > 0 {
@@ -126,7 +136,7 @@ fn part_of(path: &Path) -> PathBuf {
 }
 
 fn write(path: &Path, steps: u32) -> EpisodeWriter {
-    let mut writer = EpisodeWriter::begin(path, part_of(path), &meta(), still(), &start()).unwrap();
+    let mut writer = EpisodeWriter::begin(path, part_of(path), &meta(), still(), start()).unwrap();
     for step in 0..steps {
         if step % 10 == 0 {
             if step > 0 {
@@ -164,13 +174,13 @@ fn a_whole_trace_reads_back_as_written() {
     assert_eq!(trace.times[1] - trace.times[0], 5_000_000_000);
     let counts = [
         ("/scene/maze", 1),
-        ("/scene/ant", 1),
+        ("/scene/body", 1),
         ("/scene/choice", 5),
         ("/graph", 1),
         ("/graph/nodes", 1),
         ("/graph/structure", 1),
         ("/points/walls", 1),
-        ("/points/ant", 1),
+        ("/points/body", 1),
         ("/tf", 51),
         ("/goal", 1),
         ("/subgoal", 1),
@@ -191,11 +201,15 @@ fn a_whole_trace_reads_back_as_written() {
         (vec![1.0, 2.0], vec![1, 9])
     );
     let from = trace.start.unwrap();
+    assert_eq!(Some(from.simulator_state), start());
     assert_eq!(
-        (&from.state[..], from.exits),
-        (&start().state[..], u64::MAX)
+        (from.version_names, from.versions),
+        (
+            ["graph", "high", "low"].map(str::to_owned).to_vec(),
+            vec![6, 5, 4]
+        )
     );
-    assert_eq!(trace.end.unwrap().observation, end(50).observation);
+    assert_eq!(trace.end.unwrap().observation, state(50).observation);
     assert_eq!(trace.steps.len(), 50);
     for (i, step) in (0..).zip(&trace.steps) {
         let written = record(i);
@@ -203,12 +217,9 @@ fn a_whole_trace_reads_back_as_written() {
         assert_eq!(step.return_so_far, ((i + 1) / 10) as f32);
         assert_eq!(
             (&step.observation[..], &step.action[..]),
-            (&written.observation[..], &written.action[..])
+            (&written.state.observation[..], &written.action[..])
         );
-        assert_eq!(
-            (step.subgoal_node, step.graph_version),
-            (written.subgoal_node, 6)
-        );
+        assert_eq!(step.subgoal_node, written.subgoal_node);
     }
     assert_eq!(trace.choices[3].probabilities, [0.75]);
     let reached: Vec<_> = trace
@@ -217,6 +228,109 @@ fn a_whole_trace_reads_back_as_written() {
         .map(|o| (o.reached, o.steps))
         .collect();
     assert_eq!(reached, [(true, 10), (false, 10), (true, 10), (false, 10)]);
+}
+
+/// A simulator of images without a graph, whose body is drawn by nobody.
+#[test]
+fn images_are_read_back_and_a_trace_without_a_graph_has_no_topic_of_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("episode.mcap");
+    let image = |step: u32| -> Vec<u8> {
+        let values = (0..64 * 64 * 3).map(|i| (((step * 131 + i) * 7) >> 3) as u8);
+        values.collect()
+    };
+    let meta = EpisodeMeta {
+        simulator: "camera".to_owned(),
+        spaces: Some(Spaces::parse("u8:64x64x3 f32:2 2 0.05").unwrap()),
+        versions: [("critic".to_owned(), 3)].into(),
+        ..meta()
+    };
+    let still = Arc::new(Still::new(Scene::default()));
+    let mut writer = EpisodeWriter::begin(&path, part_of(&path), &meta, still, None).unwrap();
+    let mut record = StepRecord::default();
+    for step in 0..20 {
+        record.step = step;
+        record.state.observation_bytes = image(step);
+        record.action = vec![0.5, -1.0];
+        writer.choice(choice(step)).unwrap();
+        writer.step(&record).unwrap();
+    }
+    let state = StateRecord {
+        observation_bytes: image(20),
+        ..StateRecord::default()
+    };
+    writer
+        .end(&EndRecord {
+            state,
+            ..EndRecord::default()
+        })
+        .unwrap();
+    let trace = read_whole(&path).unwrap();
+    assert_eq!(trace.meta, meta);
+    assert_eq!(
+        trace.times[1] - trace.times[0],
+        1_000_000_000,
+        "20 steps of 0.05 s"
+    );
+    for (i, step) in (0..).zip(&trace.steps) {
+        assert!(step.observation_bytes == image(i) && step.observation.is_empty());
+        assert_eq!(
+            (step.node, step.subgoal_node, &*step.action),
+            (-1, -1, &[0.5, -1.0][..])
+        );
+        assert!(step.goal_distance.is_nan() && step.subgoal_distance.is_nan());
+    }
+    assert_eq!(trace.steps.len(), 20);
+    assert!(trace.end.unwrap().observation_bytes == image(20));
+    assert!(trace.start.unwrap().simulator_state.is_empty());
+    let topics: Vec<&str> = trace.messages.keys().map(String::as_str).collect();
+    let expected = [
+        "/end",
+        "/goal",
+        "/log",
+        "/path",
+        "/points/walls",
+        "/scene/maze",
+        "/start",
+        "/step",
+    ];
+    assert_eq!(topics, expected);
+    assert!(trace.graph.x.is_empty() && trace.choices.is_empty());
+}
+
+#[test]
+fn a_trace_of_an_older_version_is_read() {
+    let bytes = include_bytes!("../../../fuzz/corpus/trace/lz4");
+    let trace = read_bytes(Path::new("old.mcap"), bytes).unwrap();
+    assert!(trace.is_whole());
+    assert_eq!((trace.meta.simulator(), &trace.meta.spaces), ("ant", &None));
+    assert_eq!(trace.meta.versions, meta().versions);
+    let from = trace.start.unwrap();
+    assert_eq!((from.state.len(), from.simulator_state.len()), (29, 0));
+    assert_eq!(
+        (trace.steps.len(), trace.steps[0].observation.len()),
+        (3, 29)
+    );
+    assert_eq!(trace.end.unwrap().observation.len(), 29);
+}
+
+#[test]
+fn the_ant_is_drawn_as_a_sphere_with_four_bones_and_eight_links() {
+    let scene = Scene::default().with_body(&AntBody).body();
+    assert_eq!(scene.entities.len(), 9);
+    let [torso, links @ ..] = &*scene.entities else {
+        panic!("no torso");
+    };
+    assert_eq!((torso.spheres.len(), torso.lines.len()), (1, 4));
+    assert_eq!(torso.spheres[0].size.as_ref().unwrap().x, 0.5);
+    assert!(torso.frame_locked && torso.frame_id == "torso" && torso.id == "torso");
+    for (link, reach) in links.iter().zip([0.2, 0.4].into_iter().cycle()) {
+        let [bone] = &*link.lines else {
+            panic!("a link is one bone");
+        };
+        assert!((bone.thickness - 0.16).abs() < 1e-6);
+        assert!((bone.points[1].x.abs() - reach).abs() < 1e-6, "{}", link.id);
+    }
 }
 
 #[test]
@@ -242,7 +356,7 @@ fn of_an_episode_that_was_cut_off_the_whole_chunks_are_recovered() {
         let recovered = recover(&part, &path, Existing::Refuse).unwrap();
         assert_eq!((recovered.steps, recovered.cut.is_some()), (25, true));
         let trace = read_whole(&path).unwrap();
-        assert_eq!(trace.steps[24].observation, record(24).observation);
+        assert_eq!(trace.steps[24].observation, state(24).observation);
         assert_eq!(trace.metadata["outcome"], "cut off");
         fs::remove_file(&path).unwrap();
     }
@@ -351,7 +465,7 @@ fn episode(path: PathBuf) -> Episode {
         path,
         meta: meta(),
         still: still(),
-        start: start(),
+        state: start(),
     }
 }
 
@@ -359,7 +473,7 @@ fn episode(path: PathBuf) -> Episode {
 fn a_recorder_writes_what_a_writer_does() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let mut recorder = Recorder::new(|told| panic!("{told}")).unwrap();
+    let mut recorder = Recorder::new(&AntBody.spaces(), |text| panic!("{text}")).unwrap();
     for name in ["a.mcap", "given-up.mcap", "b.mcap", "broken.mcap"] {
         recorder.begin(episode(path(name)), Behind::Wait);
         assert!(recorder.is_open());
@@ -393,7 +507,7 @@ fn a_recorder_never_waits_for_a_disk() {
     let pipe = folder.path().join("slow.mcap.part");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status();
     assert!(made.unwrap().success());
-    let mut recorder = Recorder::new(|_| {}).unwrap();
+    let mut recorder = Recorder::new(&AntBody.spaces(), |_| {}).unwrap();
     // Nobody reads: to open it blocks the thread.
     recorder.begin(episode(folder.path().join("slow.mcap")), Behind::Skip);
     let mut told = 0;
@@ -425,7 +539,7 @@ fn a_full_disk_ends_the_trace_without_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("episode.mcap");
     std::os::unix::fs::symlink("/dev/full", part_of(&path)).unwrap();
-    let begun = EpisodeWriter::begin(&path, part_of(&path), &meta(), still(), &start());
+    let begun = EpisodeWriter::begin(&path, part_of(&path), &meta(), still(), start());
     assert!(begun.is_err());
     assert!(!path.exists());
 }

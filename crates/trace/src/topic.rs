@@ -12,17 +12,23 @@ use prost::Message;
 use crate::message::{self, Choice, EdgeOutcome, End, Start, Step};
 use crate::scan;
 
+/// Names of topics in traces of older versions, and their names now.
+const OLD_NAMES: [(&str, &str); 2] = [
+    ("/scene/ant", "/scene/body"),
+    ("/points/ant", "/points/body"),
+];
+
 /// What a message is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Topic {
     Maze,
-    Ant,
+    Body,
     ChoiceScene,
     Graph,
     Nodes,
     Structure,
     WallPoints,
-    AntPoints,
+    BodyPoints,
     Transforms,
     Goal,
     Subgoal,
@@ -38,13 +44,13 @@ pub(crate) enum Topic {
 impl Topic {
     pub(crate) const ALL: [Self; 18] = [
         Self::Maze,
-        Self::Ant,
+        Self::Body,
         Self::ChoiceScene,
         Self::Graph,
         Self::Nodes,
         Self::Structure,
         Self::WallPoints,
-        Self::AntPoints,
+        Self::BodyPoints,
         Self::Transforms,
         Self::Goal,
         Self::Subgoal,
@@ -60,13 +66,13 @@ impl Topic {
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Maze => "/scene/maze",
-            Self::Ant => "/scene/ant",
+            Self::Body => "/scene/body",
             Self::ChoiceScene => "/scene/choice",
             Self::Graph => "/graph",
             Self::Nodes => "/graph/nodes",
             Self::Structure => "/graph/structure",
             Self::WallPoints => "/points/walls",
-            Self::AntPoints => "/points/ant",
+            Self::BodyPoints => "/points/body",
             Self::Transforms => "/tf",
             Self::Goal => "/goal",
             Self::Subgoal => "/subgoal",
@@ -80,12 +86,23 @@ impl Topic {
         }
     }
 
+    /// Whether it is about the graph.
+    pub(crate) fn is_of_graph(self) -> bool {
+        use Topic::{Choice, ChoiceScene, Graph, Nodes, Outcome, Structure};
+        [Graph, Nodes, Structure, Choice, ChoiceScene, Outcome].contains(&self)
+    }
+
+    /// Whether it is about the body's parts.
+    pub(crate) fn is_of_body(self) -> bool {
+        [Self::Body, Self::BodyPoints, Self::Transforms].contains(&self)
+    }
+
     pub(crate) fn schema(self) -> Option<Schema> {
         match self {
-            Self::Maze | Self::Ant | Self::ChoiceScene | Self::Graph => SceneUpdate::get_schema(),
+            Self::Maze | Self::Body | Self::ChoiceScene | Self::Graph => SceneUpdate::get_schema(),
             Self::Nodes | Self::Path => PosesInFrame::get_schema(),
             Self::Structure => Some(message::Graph::schema()),
-            Self::WallPoints | Self::AntPoints => PointCloud::get_schema(),
+            Self::WallPoints | Self::BodyPoints => PointCloud::get_schema(),
             Self::Transforms => FrameTransforms::get_schema(),
             Self::Goal | Self::Subgoal => PoseInFrame::get_schema(),
             Self::Start => Some(Start::schema()),
@@ -99,7 +116,9 @@ impl Topic {
 
     /// The topic of a channel; none of one that another program wrote, even under the same name.
     pub(crate) fn of(channel: &Channel, schemas: &BTreeMap<u16, scan::Schema>) -> Option<Self> {
-        let topic = Self::ALL.into_iter().find(|t| t.name() == channel.topic)?;
+        let old = OLD_NAMES.iter().find(|(old, _)| *old == channel.topic);
+        let name = old.map_or(&*channel.topic, |(_, name)| name);
+        let topic = Self::ALL.into_iter().find(|topic| topic.name() == name)?;
         let schema = schemas.get(&channel.schema_id);
         let same = |told: &scan::Schema| topic.schema().is_some_and(|own| own.name == told.name);
         let own = channel.message_encoding == "protobuf" && schema.is_none_or(same);
@@ -109,12 +128,12 @@ impl Topic {
     /// Whether bytes are a message of the topic.
     pub(crate) fn decodes(self, data: &[u8]) -> bool {
         match self {
-            Self::Maze | Self::Ant | Self::ChoiceScene | Self::Graph => {
+            Self::Maze | Self::Body | Self::ChoiceScene | Self::Graph => {
                 SceneUpdate::decode(data).is_ok()
             }
             Self::Nodes | Self::Path => PosesInFrame::decode(data).is_ok(),
             Self::Structure => message::Graph::decode(data).is_ok(),
-            Self::WallPoints | Self::AntPoints => PointCloud::decode(data).is_ok(),
+            Self::WallPoints | Self::BodyPoints => PointCloud::decode(data).is_ok(),
             Self::Transforms => FrameTransforms::decode(data).is_ok(),
             Self::Goal | Self::Subgoal => PoseInFrame::decode(data).is_ok(),
             Self::Start => Start::decode(data).is_ok(),

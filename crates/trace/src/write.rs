@@ -1,9 +1,10 @@
 //! Writes one episode's trace.
 
+mod output;
+
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::BufWriter;
+use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -15,19 +16,22 @@ use foxglove::messages::{
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, WriteOptions, Writer};
 use prost::Message;
+use simulator::Part;
 
 use crate::message::{self, Choice, EdgeOutcome, End, Start, Step};
-use crate::record::{ChoiceRecord, EndRecord, OutcomeRecord, StartRecord, StepRecord};
-use crate::scene::{self, BODIES, WORLD};
+use crate::record::{ChoiceRecord, EndRecord, OutcomeRecord, StepRecord};
+use crate::scene::{self, WORLD};
 use crate::still::Still;
 use crate::topic::Topic;
 use crate::{EpisodeMeta, METADATA, OUTCOME, Outcome, TraceError};
+use output::{Output, refused};
 
 /// No chunk grows beyond this; one is closed each second in any case.
 const CHUNK_BYTES: u64 = 256 * 1024;
 /// Time between two flushes of what is written.
 const FLUSH: Duration = Duration::from_secs(1);
-const STEP_NANOSECONDS: u64 = 100_000_000;
+/// Simulated time of a step (s) where the metadata have none.
+const STEP_SECONDS: f32 = 0.1;
 /// Steps between two poses of /path, between two messages of it, and of the trail that each shows:
 /// a bound on the file's size.
 const TRAIL: [u32; 3] = [10, 10, 100];
@@ -41,90 +45,18 @@ pub(crate) static OPTIONS: LazyLock<WriteOptions> = LazyLock::new(|| {
 });
 const LAYOUT: &str = include_str!("layout.json");
 
-/// A file of mcap that is being written, renamed once it is whole.
-struct Output {
-    /// Where it goes, and what it is called until then.
-    path: PathBuf,
-    part: PathBuf,
-    /// None once it is finished or given up.
-    writer: Option<Writer<BufWriter<File>>>,
-}
-
-impl Output {
-    fn create(path: &Path, part: PathBuf) -> Result<Self, TraceError> {
-        let io = |source| TraceError::Io {
-            path: path.display().to_string(),
-            source,
-        };
-        let file = BufWriter::new(File::create(&part).map_err(io)?);
-        let writer = OPTIONS.clone().create(file);
-        let writer = writer.map_err(|error| refused(path, &error))?;
-        Ok(Self {
-            path: path.to_path_buf(),
-            part,
-            writer: Some(writer),
-        })
-    }
-
-    /// One failure is the last: what follows would be a trace with a hole.
-    fn with<T>(
-        &mut self,
-        work: impl FnOnce(&mut Writer<BufWriter<File>>) -> mcap::McapResult<T>,
-    ) -> Result<T, TraceError> {
-        let Some(writer) = &mut self.writer else {
-            return Err(self.given_up());
-        };
-        work(writer).map_err(|error| {
-            self.writer = None;
-            refused(&self.path, &error)
-        })
-    }
-
-    /// Puts the file in its place, whole. It is not synced, which costs more than all else: a power
-    /// loss may take the newest traces along, a killed process does not.
-    fn finish(mut self) -> Result<PathBuf, TraceError> {
-        self.with(|writer| writer.finish().map(drop))?;
-        let Some(writer) = self.writer.take() else {
-            return Err(self.given_up());
-        };
-        let io = |source| TraceError::Io {
-            path: self.path.display().to_string(),
-            source,
-        };
-        let written = writer.into_inner().into_inner();
-        written.map_err(|error| io(error.into_error()))?;
-        fs::rename(&self.part, &self.path).map_err(io)?;
-        Ok(self.path)
-    }
-
-    fn discard(mut self) {
-        self.writer = None;
-        let _ = fs::remove_file(&self.part);
-    }
-
-    fn given_up(&self) -> TraceError {
-        refused(
-            &self.path,
-            &"the trace was given up after an error; free some disk space",
-        )
-    }
-}
-
-fn refused(path: &Path, reason: &dyn ToString) -> TraceError {
-    TraceError::Mcap {
-        path: path.display().to_string(),
-        reason: reason.to_string(),
-    }
-}
-
 /// Writes a `.part` and renames it when the episode is whole.
 pub struct EpisodeWriter {
     output: Output,
-    channels: [u16; Topic::ALL.len()],
+    /// None for topics that this trace does not have.
+    channels: [Option<u16>; Topic::ALL.len()],
     still: Arc<Still>,
     goal: [f32; 2],
+    /// Wall clock at the start, and now (ns since 1970).
     start: u64,
     now: u64,
+    /// Simulated time of a step (ns).
+    step_time: u64,
     steps: u32,
     subgoal: Option<[f32; 2]>,
     /// Step of the last choice.
@@ -158,10 +90,10 @@ fn poses_in_world(time: u64, poses: Vec<Pose>) -> PosesInFrame {
     }
 }
 
-fn frames() -> FrameTransforms {
-    let transforms = BODIES.iter().map(|frame| FrameTransform {
+fn frames(parts: &[Part]) -> FrameTransforms {
+    let transforms = parts.iter().map(|part| FrameTransform {
         parent_frame_id: WORLD.to_owned(),
-        child_frame_id: (*frame).to_owned(),
+        child_frame_id: part.name.to_owned(),
         ..FrameTransform::default()
     });
     FrameTransforms {
@@ -169,9 +101,47 @@ fn frames() -> FrameTransforms {
     }
 }
 
+/// Writes attachments, metadata and channels; the channels of the topics that the trace has.
+fn head<W: Write + Seek>(
+    writer: &mut Writer<W>,
+    meta: &EpisodeMeta,
+    still: &Still,
+    start: u64,
+) -> mcap::McapResult<[Option<u16>; Topic::ALL.len()]> {
+    for (name, media_type, text) in [
+        ("config.toml", "application/toml", &*meta.config_toml),
+        ("layout.json", "application/json", LAYOUT),
+    ] {
+        writer.attach(&Attachment {
+            log_time: start,
+            create_time: start,
+            name: name.to_owned(),
+            media_type: media_type.to_owned(),
+            data: Cow::Borrowed(text.as_bytes()),
+        })?;
+    }
+    writer.write_metadata(&Metadata {
+        name: METADATA.to_owned(),
+        metadata: meta.record(),
+    })?;
+    let mut channels = [None; Topic::ALL.len()];
+    for topic in Topic::ALL
+        .into_iter()
+        .filter(|topic| still.scene.has(*topic))
+    {
+        let schema = topic.schema().map_or(Ok(0), |schema| {
+            writer.add_schema(&schema.name, &schema.encoding, &schema.data)
+        })?;
+        let none = BTreeMap::new();
+        let channel = writer.add_channel(schema, topic.name(), "protobuf", &none)?;
+        channels[topic as usize] = Some(channel);
+    }
+    Ok(channels)
+}
+
 impl EpisodeWriter {
     /// Begins the trace of an episode: `part` is written, and put in its place at
-    /// [`end`](Self::end).
+    /// [`end`](Self::end). `state` is the simulator's at the start, if it could be saved.
     ///
     /// # Errors
     /// What the system or mcap refuses.
@@ -180,52 +150,25 @@ impl EpisodeWriter {
         part: PathBuf,
         meta: &EpisodeMeta,
         still: Arc<Still>,
-        from: &StartRecord,
+        state: Option<Vec<u8>>,
     ) -> Result<Self, TraceError> {
         let mut output = Output::create(path, part)?;
         let clock = SystemTime::now().duration_since(UNIX_EPOCH);
         let start = u64::try_from(clock.unwrap_or_default().as_nanos()).unwrap_or(0);
-        let channels = output.with(|writer| {
-            for (name, media_type, text) in [
-                ("config.toml", "application/toml", &*meta.config_toml),
-                ("layout.json", "application/json", LAYOUT),
-            ] {
-                writer.attach(&Attachment {
-                    log_time: start,
-                    create_time: start,
-                    name: name.to_owned(),
-                    media_type: media_type.to_owned(),
-                    data: Cow::Borrowed(text.as_bytes()),
-                })?;
-            }
-            writer.write_metadata(&Metadata {
-                name: METADATA.to_owned(),
-                metadata: meta.record(),
-            })?;
-            let mut channels = [0; Topic::ALL.len()];
-            for topic in Topic::ALL {
-                let schema = topic.schema().map_or(Ok(0), |schema| {
-                    writer.add_schema(&schema.name, &schema.encoding, &schema.data)
-                })?;
-                let none = BTreeMap::new();
-                channels[topic as usize] =
-                    writer.add_channel(schema, topic.name(), "protobuf", &none)?;
-            }
-            Ok(channels)
-        })?;
+        let channels = output.with(|writer| head(writer, meta, &still, start))?;
         let step = Step {
             value: f32::NAN,
-            low_version: meta.low_version,
-            high_version: meta.high_version,
-            graph_version: meta.graph_version,
             ..Step::default()
         };
+        let seconds = (meta.spaces.as_ref()).map_or(STEP_SECONDS, |spaces| spaces.control_seconds);
         let mut trace = Self {
             output,
             channels,
             goal: meta.goal,
             start,
             now: start,
+            // To the microsecond: 0.1 s as f32 is 1.5 ns more than that.
+            step_time: (f64::from(seconds) * 1e6).round() as u64 * 1000,
             steps: 0,
             subgoal: None,
             chosen: 0,
@@ -233,27 +176,27 @@ impl EpisodeWriter {
             flushed: Instant::now(),
             buffer: Vec::with_capacity(4096),
             step,
-            transforms: frames(),
+            transforms: frames(still.scene.parts),
             still,
         };
-        trace.opening(from, meta.success_radius)?;
+        trace.opening(meta, state)?;
         Ok(trace)
     }
 
     /// What stands still, and the start.
-    fn opening(&mut self, from: &StartRecord, goal_radius: f32) -> Result<(), TraceError> {
+    fn opening(&mut self, meta: &EpisodeMeta, state: Option<Vec<u8>>) -> Result<(), TraceError> {
         let start = self.start;
         let still = Arc::clone(&self.still);
         for (topic, message) in still.messages() {
             self.buffer.clear();
             self.buffer.extend(message);
             match topic {
-                Topic::Maze => self.append(&scene::goal(self.goal, goal_radius))?,
+                Topic::Maze => self.append(&scene::goal(meta.goal, meta.success_radius))?,
                 Topic::Nodes => self.append(&PosesInFrame {
                     timestamp: stamp(start),
                     ..PosesInFrame::default()
                 })?,
-                Topic::WallPoints | Topic::AntPoints => self.append(&PointCloud {
+                Topic::WallPoints | Topic::BodyPoints => self.append(&PointCloud {
                     timestamp: stamp(start),
                     ..PointCloud::default()
                 })?,
@@ -268,8 +211,10 @@ impl EpisodeWriter {
         self.put(Topic::Goal, &pose_in_world(start, self.goal))?;
         let from = Start {
             timestamp: Some(message::timestamp(start)),
-            state: from.state.to_vec(),
-            exits: from.exits,
+            simulator_state: state.unwrap_or_default(),
+            version_names: meta.versions.keys().cloned().collect(),
+            versions: meta.versions.values().copied().collect(),
+            ..Start::default()
         };
         self.put(Topic::Start, &from)?;
         self.log(log::Level::Info, "the episode begins")?;
@@ -282,6 +227,7 @@ impl EpisodeWriter {
         encoded.map_err(|error| refused(&self.output.path, &error))
     }
 
+    /// Writes a message; nothing of a topic that the trace does not have.
     fn put(&mut self, topic: Topic, message: &impl Message) -> Result<(), TraceError> {
         self.buffer.clear();
         self.append(message)?;
@@ -289,8 +235,11 @@ impl EpisodeWriter {
     }
 
     fn put_buffer(&mut self, topic: Topic) -> Result<(), TraceError> {
+        let Some(channel_id) = self.channels[topic as usize] else {
+            return Ok(());
+        };
         let header = MessageHeader {
-            channel_id: self.channels[topic as usize],
+            channel_id,
             sequence: self.steps,
             log_time: self.now,
             publish_time: self.now,
@@ -327,7 +276,7 @@ impl EpisodeWriter {
 
     /// Turns the clock to a step.
     fn at(&mut self, step: u32) {
-        let passed = u64::from(step).saturating_mul(STEP_NANOSECONDS);
+        let passed = u64::from(step).saturating_mul(self.step_time);
         self.now = self.now.max(self.start.saturating_add(passed));
     }
 
@@ -387,9 +336,9 @@ impl EpisodeWriter {
         )
     }
 
-    fn put_transforms(&mut self, bodies: &[[f32; 7]; 9]) -> Result<(), TraceError> {
+    fn put_transforms(&mut self, poses: &[[f32; 7]]) -> Result<(), TraceError> {
         let timestamp = stamp(self.now);
-        for (transform, pose) in self.transforms.transforms.iter_mut().zip(bodies) {
+        for (transform, pose) in self.transforms.transforms.iter_mut().zip(poses) {
             let [x, y, z, qw, qx, qy, qz] = pose.map(f64::from);
             transform.timestamp = timestamp;
             transform.translation = Some(Vector3 { x, y, z });
@@ -412,12 +361,14 @@ impl EpisodeWriter {
     /// What the system or mcap refuses; the trace is then given up.
     pub fn step(&mut self, record: &StepRecord) -> Result<(), TraceError> {
         self.at(record.step);
-        self.put_transforms(&record.bodies)?;
-        if self.subgoal.replace(record.subgoal) != Some(record.subgoal) {
-            let subgoal = pose_in_world(self.now, record.subgoal);
+        self.put_transforms(&record.state.poses)?;
+        if let Some(subgoal) = record.subgoal
+            && self.subgoal.replace(subgoal) != Some(subgoal)
+        {
+            let subgoal = pose_in_world(self.now, subgoal);
             self.put(Topic::Subgoal, &subgoal)?;
         }
-        let [x, y, z, ..] = record.observation;
+        let [x, y, z] = record.state.place();
         let distance = |[to_x, to_y]: [f32; 2]| (to_x - x).hypot(to_y - y);
         let step = &mut self.step;
         step.timestamp = Some(message::timestamp(self.now));
@@ -425,13 +376,13 @@ impl EpisodeWriter {
         step.reward = record.reward;
         step.return_so_far += record.reward;
         step.goal_distance = distance(self.goal);
-        step.subgoal_distance = distance(record.subgoal);
+        step.subgoal_distance = record.subgoal.map_or(f32::NAN, distance);
         step.node = record.node;
         step.subgoal_node = record.subgoal_node;
-        step.observation.clear();
-        step.observation.extend(record.observation);
-        step.action.clear();
-        step.action.extend(record.action);
+        step.observation.clone_from(&record.state.observation);
+        step.observation_bytes
+            .clone_from(&record.state.observation_bytes);
+        step.action.clone_from(&record.action);
         self.buffer.clear();
         let encoded = Message::encode(&self.step, &mut self.buffer);
         encoded.map_err(|error| refused(&self.output.path, &error))?;
@@ -459,8 +410,8 @@ impl EpisodeWriter {
     /// What the system or mcap refuses; the file stays a `.part`.
     pub fn end(mut self, record: &EndRecord) -> Result<PathBuf, TraceError> {
         self.at(self.steps);
-        self.put_transforms(&record.bodies)?;
-        let [x, y, z, ..] = record.observation;
+        self.put_transforms(&record.state.poses)?;
+        let [x, y, z] = record.state.place();
         let mut path = std::mem::take(&mut self.trail);
         path.push(scene::pose(x, y, z));
         self.put(Topic::Path, &poses_in_world(self.now, path))?;
@@ -469,7 +420,8 @@ impl EpisodeWriter {
             steps: self.steps,
             success: record.success,
             fell: record.fell,
-            observation: record.observation.to_vec(),
+            observation: record.state.observation.clone(),
+            observation_bytes: record.state.observation_bytes.clone(),
         };
         self.put(Topic::End, &end)?;
         let outcome = Outcome {

@@ -32,7 +32,9 @@ pub fn svg(trace: &Trace, summary: &EpisodeSummary) -> anyhow::Result<String> {
 /// A trace as text: what it is of, outcome, subgoals, map.
 pub fn text(path: &Path, trace: &Trace, summary: &EpisodeSummary) -> String {
     let mut text = String::new();
-    for line in origin(path, summary).into_iter().chain(outcome(summary)) {
+    let with_graph = !nodes(trace).is_empty();
+    let lines = origin(path, summary).into_iter();
+    for line in lines.chain(outcome(summary, with_graph)) {
         let _ = writeln!(text, "{line}");
     }
     if !summary.subgoals.is_empty() {
@@ -60,10 +62,9 @@ fn origin(path: &Path, s: &EpisodeSummary) -> [String; 3] {
             s.seed
         ),
         format!(
-            "weights {} and {}, graph {}, config {}, formica {}",
-            s.low_version,
-            s.high_version,
-            s.graph_version,
+            "simulator {}; versions: {}; config {}, formica {}",
+            named(&s.simulator),
+            versions(s),
             named(&s.config),
             named(&s.formica)
         ),
@@ -71,7 +72,7 @@ fn origin(path: &Path, s: &EpisodeSummary) -> [String; 3] {
 }
 
 /// Lines about what happened.
-fn outcome(s: &EpisodeSummary) -> Vec<String> {
+fn outcome(s: &EpisodeSummary, with_graph: bool) -> Vec<String> {
     let how = match s.outcome {
         "success" => "the goal reached",
         "failure" => "the goal not reached",
@@ -102,14 +103,29 @@ fn outcome(s: &EpisodeSummary) -> Vec<String> {
             s.steps_on_back,
             if s.fell { ", and so at the end" } else { "" }
         ),
-        format!(
+    ]);
+    // Of an algorithm without a graph there is nothing to say.
+    if with_graph || !s.subgoals.is_empty() {
+        lines.push(format!(
             "{} subgoals: {} reached, {} given up",
             s.subgoals.len(),
             s.reached(),
             s.given_up()
-        ),
-    ]);
+        ));
+    }
     lines
+}
+
+/// The versions that an episode was played with.
+pub(super) fn versions(summary: &EpisodeSummary) -> String {
+    let versions = summary.versions.iter();
+    let versions: Vec<String> = versions
+        .map(|(name, n)| format!("{} {n}", named(name)))
+        .collect();
+    match versions.is_empty() {
+        true => "-".to_owned(),
+        false => versions.join(", "),
+    }
 }
 
 /// A name from a trace, which may be empty or contain control characters.

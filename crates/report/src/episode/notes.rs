@@ -1,12 +1,22 @@
 //! Missing and unusable data in a trace.
 
-use maze::OBSERVATION;
+use simulator::{Body, Dtype};
 use trace::Trace;
 
 /// No maze is larger (m).
 pub(super) const FAR: f32 = 1e6;
 
-/// Sentences about missing and unusable data in a trace. Of `all` states, `read` have the width of an ant's
+/// Values of an observation that is floats.
+pub(super) fn width(body: &dyn Body) -> usize {
+    let space = body.spaces().observation;
+    if space.dtype == Dtype::F32 {
+        space.len()
+    } else {
+        0
+    }
+}
+
+/// Sentences about missing and unusable data in a trace. Of `all` states, `read` have the width of the body's
 /// observation, and `positions` of these have a position.
 pub(super) fn notes(trace: &Trace, all: usize, read: usize, positions: usize) -> Vec<String> {
     let mut notes = vec![];
@@ -23,10 +33,19 @@ pub(super) fn notes(trace: &Trace, all: usize, read: usize, positions: usize) ->
     }
     if read < all {
         let other = all - read;
-        notes.push(format!(
-            "{other} of {all} states do not have the {OBSERVATION} values of an ant, and are left \
-             out: another simulator's, or damaged"
-        ));
+        let name = trace.meta.simulator();
+        notes.push(match simulators::body(name) {
+            Some(body) => format!(
+                "{other} of {all} states do not have the {} values of the simulator '{name}', and \
+                 are left out: another simulator's, or damaged",
+                width(body)
+            ),
+            None => format!(
+                "this version of formica has no simulator '{}', so that its {all} states are left \
+                 out",
+                name.escape_debug()
+            ),
+        });
     }
     if positions < read {
         let other = read - positions;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use plot::table::aligned;
 
-use super::inspect::{named, short};
+use super::inspect::{named, short, versions};
 use super::summary::EpisodeSummary;
 
 /// Traces by path, with their summaries or the errors in reading them.
@@ -15,7 +15,7 @@ pub type Summaries = [(PathBuf, anyhow::Result<EpisodeSummary>)];
 pub fn overview(summaries: &Summaries) -> String {
     let header = [
         "trace", "purpose", "outcome", "steps", "return", "subgoals", "reached", "given up",
-        "falls", "low", "high", "graph",
+        "falls", "versions",
     ];
     let mut lines = vec![header.map(str::to_owned).to_vec()];
     let mut notes = String::new();
@@ -39,9 +39,7 @@ pub fn overview(summaries: &Summaries) -> String {
                 s.reached().to_string(),
                 s.given_up().to_string(),
                 s.falls.to_string(),
-                s.low_version.to_string(),
-                s.high_version.to_string(),
-                s.graph_version.to_string(),
+                versions(s),
             ]),
             Err(error) => {
                 let _ = writeln!(notes, "unreadable: {error:#}");

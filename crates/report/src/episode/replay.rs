@@ -3,13 +3,11 @@
 use std::fmt::Write;
 
 use anyhow::{Context, ensure};
-use maze::{ACTION, AntMaze, OBSERVATION, Physics, Start};
+use maze::{AntSimulator, OBSERVATION, Start};
+use simulator::{Simulator, Values};
 use trace::Trace;
 
 use super::layout::layout;
-
-/// No value of a state that can be simulated is larger.
-const LARGEST: f32 = 1e6;
 
 /// The result of a replay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,8 +25,9 @@ pub enum Verdict {
 enum Found {
     /// Number of states, all the same.
     Same(usize),
-    /// The first step with a different state, and the different values: index, recorded, simulated.
-    Differs(u32, Vec<(usize, f32, f32)>),
+    /// The first step with a different state, the number of values, and the different ones: index,
+    /// recorded, simulated.
+    Differs(u32, usize, Vec<(usize, f32, f32)>),
 }
 
 /// Replays a trace and appends what was found to `text`.
@@ -72,10 +71,10 @@ pub fn replay(mut trace: Trace, text: &mut String) -> anyhow::Result<Verdict> {
                 false => Verdict::Same,
             })
         }
-        Found::Differs(step, values) => {
+        Found::Differs(step, width, values) => {
             let all = values.len();
             line(format!(
-                "step {step} is the first that differs, in {all} of {OBSERVATION} values:"
+                "step {step} is the first that differs, in {all} of {width} values:"
             ));
             for (index, recorded, now) in values {
                 line(format!(
@@ -126,64 +125,99 @@ fn leave_out(trace: &mut Trace) -> Option<String> {
     ))
 }
 
-/// Simulates the actions from the start, and compares the states.
-fn simulate(trace: &Trace) -> anyhow::Result<Found> {
+/// The simulator of a trace, at its start.
+fn simulator_of(trace: &Trace) -> anyhow::Result<Box<dyn Simulator>> {
     let layout = layout(trace)?;
+    let name = trace.meta.simulator();
+    let simulator = simulators::create(name, &layout, trace.meta.success_radius);
+    let mut simulator = simulator.with_context(|| {
+        let name = name.escape_debug();
+        format!("this version of formica has no simulator '{name}'")
+    })?;
     let start = trace.start.as_ref().context(
         "it does not say how the ant was set at the start; traces of formica 0.1.0 and later do",
     )?;
-    let observation = start.state.as_slice().try_into();
-    let observation: [f32; OBSERVATION] =
-        observation.context("its start has not the 29 values of an ant")?;
-    ensure!(
-        observation.iter().all(|value| value.abs() <= LARGEST),
-        "its start has a value that no ant has: it is no number, or over {LARGEST}"
-    );
-    let mut ant = AntMaze::new(&layout, Physics::MAZE);
-    ant.begin(&Start {
-        observation,
-        exits: start.exits,
-    });
+    let state = match start.simulator_state.is_empty() {
+        false => start.simulator_state.clone(),
+        // As the ant was recorded before there were other simulators.
+        true if !start.state.is_empty() => {
+            let observation: [f32; OBSERVATION] = (start.state.as_slice().try_into())
+                .context("its start has not the 29 values of an ant")?;
+            let exits = start.exits;
+            AntSimulator::state_of(&Start { observation, exits }, trace.meta.goal)
+        }
+        true => anyhow::bail!("its simulator could not save its state at the start"),
+    };
+    simulator.restore(&state).context("its start")?;
+    Ok(simulator)
+}
+
+/// Simulates the actions from the start, and compares the states.
+fn simulate(trace: &Trace) -> anyhow::Result<Found> {
+    let mut simulator = simulator_of(trace)?;
+    let spaces = simulator.body().spaces();
+    let (observation, action) = (spaces.observation.len(), spaces.action.len());
     for (expected, step) in (0..).zip(&trace.steps) {
         ensure!(
             step.step == expected,
             "it has step {} where {expected} belongs",
             step.step
         );
-        let context = || format!("its step {expected} has not {OBSERVATION} values and {ACTION}");
-        if let Some(found) = compare(expected, &step.observation, &ant).with_context(context)? {
+        let context = || format!("its step {expected} has not {observation} values and {action}");
+        let recorded = (&*step.observation, &*step.observation_bytes);
+        let found = compare(expected, recorded, &*simulator).with_context(context)?;
+        if let Some(found) = found {
             return Ok(found);
         }
-        let action: [f32; ACTION] = step.action.as_slice().try_into().with_context(context)?;
+        ensure!(step.action.len() == action, context());
         ensure!(
-            action.iter().all(|value| value.is_finite()),
+            step.action.iter().all(|value| value.is_finite()),
             "its step {expected} has an action that is no number"
         );
-        ant.step(&action);
+        simulator.step(&step.action);
     }
     let steps = trace.steps.len();
     let Some(end) = &trace.end else {
         return Ok(Found::Same(steps));
     };
-    let context = || format!("its end has not {OBSERVATION} values");
-    let found = compare(steps as u32, &end.observation, &ant).with_context(context)?;
+    let context = || format!("its end has not {observation} values");
+    let recorded = (&*end.observation, &*end.observation_bytes);
+    let found = compare(steps as u32, recorded, &*simulator).with_context(context)?;
     Ok(found.unwrap_or(Found::Same(steps + 1)))
 }
 
-/// Compares a state; `None` if all bits are the same.
-fn compare(step: u32, recorded: &[f32], ant: &AntMaze) -> anyhow::Result<Option<Found>> {
-    let recorded: &[f32; OBSERVATION] = recorded.try_into()?;
-    let now = ant.observation();
-    let values: Vec<(usize, f32, f32)> = (0..OBSERVATION)
-        .filter(|i| recorded[*i].to_bits() != now[*i].to_bits())
-        .map(|i| (i, recorded[i], now[i]))
-        .collect();
-    Ok((!values.is_empty()).then_some(Found::Differs(step, values)))
+/// `Some(None)` where all bits are the same; none where the shape is not the simulator's.
+fn compare(
+    step: u32,
+    (floats, bytes): (&[f32], &[u8]),
+    simulator: &dyn Simulator,
+) -> Option<Option<Found>> {
+    let (width, values) = match simulator.observation() {
+        Values::F32(now) => {
+            let pairs = floats.iter().zip(now).enumerate();
+            let differ = pairs.filter(|(_, (a, b))| a.to_bits() != b.to_bits());
+            let values: Vec<_> = differ.map(|(i, (a, b))| (i, *a, *b)).collect();
+            ((floats.len() == now.len()).then_some(now.len())?, values)
+        }
+        Values::U8(now) => {
+            let differ = bytes
+                .iter()
+                .zip(now)
+                .enumerate()
+                .filter(|(_, (a, b))| a != b);
+            let values = differ.map(|(i, (a, b))| (i, f32::from(*a), f32::from(*b)));
+            (
+                (bytes.len() == now.len()).then_some(now.len())?,
+                values.collect(),
+            )
+        }
+    };
+    Some((!values.is_empty()).then_some(Found::Differs(step, width, values)))
 }
 
 #[cfg(test)]
 mod tests {
-    use maze::Layout;
+    use maze::{AntMaze, Layout, Physics};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
     use trace::{End, Step};
@@ -236,13 +270,49 @@ mod tests {
             assert_eq!(simulate(&trace).unwrap(), Found::Same(61));
             let value = trace.steps[40].observation[3];
             trace.steps[40].observation[3] = f32::from_bits(value.to_bits() ^ 1);
-            let Found::Differs(40, values) = simulate(&trace).unwrap() else {
+            let Found::Differs(40, 29, values) = simulate(&trace).unwrap() else {
                 panic!("the bit at step 40 was not seen");
             };
             assert_eq!(values.len(), 1);
             // Another action changes the state of the next step.
             trace.steps[10].action[0] = 0.0;
-            assert!(matches!(simulate(&trace).unwrap(), Found::Differs(11, _)));
+            assert!(matches!(simulate(&trace).unwrap(), Found::Differs(11, ..)));
+        }
+    }
+
+    #[test]
+    fn an_episode_of_any_simulator_is_the_same_again() {
+        let layout = Layout::named("teleport").unwrap();
+        for name in simulators::names() {
+            let mut simulator = simulators::create(name, &layout, 0.5).unwrap();
+            let mut rng = Pcg64Mcg::seed_from_u64(5);
+            let task = simulator.draw(simulator::Tasks::Training, &mut rng);
+            simulator.reset(&task, &mut rng);
+            let mut trace = Trace::default();
+            trace.meta.simulator = name.to_owned();
+            trace.meta.config_toml = "[maze]\nlayout = \"teleport\"\n".to_owned();
+            trace.start = Some(trace::Start {
+                simulator_state: simulator.state().unwrap(),
+                ..trace::Start::default()
+            });
+            let width = simulator.body().spaces().action.len();
+            for step in 0..50 {
+                let action: Vec<f32> = (0..width).map(|_| rng.random_range(-1.5..=1.5)).collect();
+                trace.steps.push(Step {
+                    step,
+                    observation: simulator.observation().floats().unwrap().to_vec(),
+                    action: action.clone(),
+                    ..Step::default()
+                });
+                simulator.step(&action);
+            }
+            assert_eq!(simulate(&trace).unwrap(), Found::Same(50), "{name}");
+            trace.steps[0].action[0] = 0.0;
+            assert!(matches!(simulate(&trace).unwrap(), Found::Differs(1, ..)));
+            trace.start = Some(trace::Start::default());
+            assert!(simulate(&trace).is_err(), "no state was saved");
+            trace.meta.simulator = "flea".to_owned();
+            assert!(simulate(&trace).is_err());
         }
     }
 

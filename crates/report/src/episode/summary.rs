@@ -1,11 +1,14 @@
 //! Summary of an episode.
 
-use maze::{FALLEN, OBSERVATION, upright};
+use std::collections::BTreeMap;
+
+use maze::FALLEN;
 use plot::number::{sum, unsigned_zero};
 use serde::Serialize;
+use simulator::Body;
 use trace::Trace;
 
-use super::notes::{FAR, notes};
+use super::notes::{FAR, notes, width};
 use super::subgoals::{Subgoal, subgoals};
 
 /// Summary of an episode.
@@ -19,9 +22,9 @@ pub struct EpisodeSummary {
     pub(crate) actor: u32,
     pub(crate) formica: String,
     pub(crate) config: String,
-    pub(crate) low_version: u64,
-    pub(crate) high_version: u64,
-    pub(crate) graph_version: u64,
+    pub(crate) simulator: String,
+    /// Of the networks and the graph, by name.
+    pub(crate) versions: BTreeMap<String, u64>,
     /// `success`, `failure` or `cut off`.
     pub(crate) outcome: &'static str,
     /// Why the trace is truncated.
@@ -60,13 +63,17 @@ impl EpisodeSummary {
         let last = trace.end.iter().map(|end| &end.observation);
         let states = trace.steps.iter().map(|step| &step.observation);
         let states = states.chain(last).map(Vec::as_slice);
-        let observations: Vec<&[f32]> = (states.clone())
-            .filter(|observation| observation.len() == OBSERVATION)
+        let body = simulators::body(meta.simulator());
+        let observations: Vec<(&dyn Body, &[f32])> = (states.clone())
+            .filter_map(|observation| Some((body?, observation)))
+            .filter(|(body, observation)| observation.len() == width(*body))
             .collect();
-        let path = observations.iter().map(|o| [o[0], o[1]]);
+        let path = observations.iter().map(|(body, o)| body.place(o));
         let path: Vec<[f32; 2]> = path.filter(|place| is_position(*place)).collect();
         let between = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-        let down: Vec<bool> = observations.iter().map(|o| upright(o) < FALLEN).collect();
+        let down: Vec<bool> = (observations.iter())
+            .map(|(body, o)| body.upright(o) < FALLEN)
+            .collect();
         let fallen = |pair: &&[bool]| !pair[0] && pair[1];
         let outcome = match (trace.outcome, &trace.cut) {
             (Some(outcome), None) if outcome.success => "success",
@@ -82,15 +89,14 @@ impl EpisodeSummary {
             actor: meta.actor,
             formica: meta.version.clone(),
             config: meta.config_hash.clone(),
-            low_version: meta.low_version,
-            high_version: meta.high_version,
-            graph_version: meta.graph_version,
+            simulator: meta.simulator().to_owned(),
+            versions: meta.versions.clone(),
             outcome,
             cut: trace.cut.clone(),
             damage: trace.damage.clone(),
             notes: notes(trace, states.count(), observations.len(), path.len()),
             steps: trace.steps.len(),
-            seconds: trace.steps.len() as f64 * f64::from(maze::CONTROL_SECONDS),
+            seconds: trace.steps.len() as f64 * f64::from(control_seconds(trace)),
             episode_return: Some(sum(trace.steps.iter().map(|step| step.reward)))
                 .filter(|value| value.is_finite()),
             start: path.first().unwrap_or(&meta.start).map(unsigned_zero),
@@ -126,13 +132,20 @@ impl EpisodeSummary {
     }
 }
 
-/// Whether an ant can be at a position. Others are left out of sums.
+/// Simulated time of a step (s).
+fn control_seconds(trace: &Trace) -> f32 {
+    let spaces = trace.meta.spaces.as_ref();
+    spaces.map_or(maze::CONTROL_SECONDS, |spaces| spaces.control_seconds)
+}
+
+/// Whether a body can be at a position. Others are left out of sums.
 fn is_position([x, y]: [f32; 2]) -> bool {
     x.abs() <= FAR && y.abs() <= FAR
 }
 
 #[cfg(test)]
 mod tests {
+    use maze::OBSERVATION;
     use trace::{Choice, EdgeOutcome, Step};
 
     use super::*;
@@ -233,5 +246,37 @@ mod tests {
         assert_eq!(gap(&trace), Some((1, 8)));
         trace.steps[0].reward = f32::NAN;
         assert_eq!(EpisodeSummary::of(&trace).episode_return, None);
+    }
+
+    #[test]
+    fn states_are_read_as_those_of_their_simulator() {
+        let mut trace = Trace::default();
+        trace.meta.simulator = "point".to_owned();
+        for x in [0.0, 1.0] {
+            trace.steps.push(Step {
+                observation: vec![x, 2.0, 0.5, 0.5],
+                ..Step::default()
+            });
+        }
+        let summary = EpisodeSummary::of(&trace);
+        assert_eq!(
+            (summary.walked, &*summary.path),
+            (1.0, &[[0.0, 2.0], [1.0, 2.0]][..])
+        );
+        assert!(summary.falls == 0 && summary.notes.is_empty());
+        trace.meta.simulator = "flea".to_owned();
+        let summary = EpisodeSummary::of(&trace);
+        assert!(summary.path.is_empty() && summary.notes[0].contains("no simulator 'flea'"));
+    }
+
+    #[test]
+    fn the_maze_is_read_whatever_else_the_config_says() {
+        let mut trace = Trace::default();
+        assert!(layout(&trace).is_err());
+        trace.meta.config_toml = "[future]\nx = 1\n[maze]\nlayout = \"large\"\nrows = []\n".into();
+        let large = Layout::named("large").unwrap();
+        assert_eq!(layout(&trace).unwrap().boxes(), large.boxes());
+        trace.meta.config_toml = "[maze]\nlayout = \"nowhere\"\n".into();
+        assert!(layout(&trace).is_err());
     }
 }

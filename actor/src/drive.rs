@@ -1,0 +1,76 @@
+//! Behaviours that move a body towards a place: what data are collected with.
+
+use std::path::Path;
+
+use maze::PointBody;
+use simulator::Body;
+
+use crate::walker::Walker;
+
+/// A behaviour of a simulator's body.
+#[derive(Clone)]
+pub(crate) enum Drive {
+    /// The ant's walker.
+    Walker(Box<Walker>),
+    /// The point's: straight ahead.
+    Straight,
+}
+
+impl Drive {
+    /// The behaviour for a simulator; `walker` is the file of the ant's, or none for the one built in.
+    ///
+    /// # Errors
+    /// A simulator without a behaviour, a walker that cannot be read.
+    pub(crate) fn of(simulator: &str, walker: Option<&Path>) -> anyhow::Result<Self> {
+        match simulator {
+            "ant" => Ok(Self::Walker(Box::new(Walker::load(walker)?))),
+            "point" => Ok(Self::Straight),
+            _ => anyhow::bail!(
+                "data cannot be collected with the simulator '{simulator}', which has no behaviour to \
+                 collect them with; give a data set by dataset.path"
+            ),
+        }
+    }
+
+    /// What tells behaviours apart in the files of collected data.
+    pub(crate) fn hash(&self) -> String {
+        match self {
+            Self::Walker(walker) => walker.hash(),
+            Self::Straight => format!("{} straight", PointBody.name()),
+        }
+    }
+
+    /// Replaces `action` by the action in an observation on the way in a world `direction` (m).
+    pub(crate) fn act(&mut self, observation: &[f32], direction: [f32; 2], action: &mut Vec<f32>) {
+        action.clear();
+        match self {
+            Self::Walker(walker) => action.extend(walker.act(observation, direction)),
+            Self::Straight => action.extend(PointBody::towards(direction)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn simulators_with_a_behaviour_have_actions_of_their_width() {
+        for name in simulators::names() {
+            let spaces = simulators::body(name).unwrap().spaces();
+            let (mut drive, mut action) = (Drive::of(name, None).unwrap(), vec![9.0]);
+            let mut observation = vec![0.0; spaces.observation.len()];
+            if name == "ant" {
+                observation[3] = 1.0;
+            }
+            drive.act(&observation, [1.0, 2.0], &mut action);
+            assert_eq!(action.len(), spaces.action.len(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_simulator_without_a_behaviour_is_refused() {
+        let refused = Drive::of("flea", None).map(drop).unwrap_err().to_string();
+        assert!(refused.contains("dataset.path"), "{refused}");
+    }
+}
