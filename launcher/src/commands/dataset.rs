@@ -1,4 +1,4 @@
-//! `formica dataset`: what a data set holds, and other formats of it.
+//! `formica dataset`: shows and converts data sets.
 
 use std::fmt::{Display, Write};
 use std::path::{Path, PathBuf};
@@ -115,7 +115,7 @@ pub(crate) fn run(action: &Action) -> anyhow::Result<ExitCode> {
                 let existing = force.existing();
                 format
                     .output(path, existing, &[input])
-                    .map_err(output_files::given)
+                    .map_err(output_files::as_input)
             };
             let training = output(output_path)?;
             let validation = (*val_share > 0.0)
@@ -134,13 +134,13 @@ pub(crate) fn run(action: &Action) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Where `collect` writes.
+/// The output of `collect`.
 pub(crate) fn output(path: &Path, force: Force, inputs: &[&Path]) -> anyhow::Result<Output> {
     let output = Format::D4rl.output(path, force.existing(), inputs);
-    output.map_err(output_files::given)
+    output.map_err(output_files::as_input)
 }
 
-/// Reads a data set, and tells of episodes that are left out.
+/// Reads a data set, and warns about episodes that are left out.
 fn open(path: &Path, on_fault: Faulty) -> anyhow::Result<Opened> {
     let opened = ::dataset::open_with(path, on_fault.into()).map_err(refused)?;
     if opened.dropped.episodes > 0 {
@@ -152,13 +152,13 @@ fn open(path: &Path, on_fault: Faulty) -> anyhow::Result<Opened> {
 fn info(file: &Path, maze: Option<&str>, on_fault: Faulty) -> anyhow::Result<()> {
     let layout = maze.map(Layout::named).transpose().map_err(refused)?;
     let Opened { format, data, .. } = open(file, on_fault)?;
-    say!("format        {format}");
-    say!("{}", data.summary());
-    output::text(format!("\n{}", picture(&data, layout.as_ref())));
+    outln!("format        {format}");
+    outln!("{}", data.summary());
+    output::text(format!("\n{}", visit_map(&data, layout.as_ref())));
     Ok(())
 }
 
-/// Writes a data set in another format, the last episodes to a file of their own if that is named.
+/// Writes a data set in another format. The last episodes go to the `validation` file if there is one.
 fn convert(
     source: &Opened,
     to: Format,
@@ -182,25 +182,25 @@ fn convert(
         ],
         None => vec![(training, data.clone())],
     };
-    // Nothing is put in its place before all is written.
+    // All files are written before any is moved to its path.
     let staged: Result<Vec<_>, _> = parts
         .iter()
-        .map(|(output, data)| to.stage(output, data).map_err(output_files::given))
+        .map(|(output, data)| to.stage(output, data).map_err(output_files::as_input))
         .collect();
     for (staged, (output, data)) in staged?.into_iter().zip(&parts) {
         staged
             .place()
-            .map_err(|error| output_files::given(error.into()))?;
+            .map_err(|error| output_files::as_input(error.into()))?;
         let (rows, episodes) = (data.len(), data.episodes.len());
         let path = output.path().display();
-        say!("{path}: {rows} rows in {episodes} episodes, {to} from {format}");
+        outln!("{path}: {rows} rows in {episodes} episodes, {to} from {format}");
     }
     Ok(())
 }
 
-/// Rows in each cell of 4 m as shades, walls as blocks; y grows downwards, as rows of a map do.
-/// Without a layout, the cells around those that were visited.
-fn picture(data: &Dataset, layout: Option<&Layout>) -> String {
+/// A map of the rows per cell as shades, and of walls as blocks, with y down. Without a layout it covers the
+/// visited cells.
+fn visit_map(data: &Dataset, layout: Option<&Layout>) -> String {
     let counts = match layout {
         Some(layout) => visits(data, layout),
         None => {
@@ -210,7 +210,7 @@ fn picture(data: &Dataset, layout: Option<&Layout>) -> String {
                 (along().min().unwrap_or(0), along().max().unwrap_or(0))
             };
             let ((left, right), (top, bottom)) = (bound(0), bound(1));
-            // What is far out is no maze; a picture of it would be longer than any terminal.
+            // Too large for a terminal.
             if i64::from(right) - i64::from(left) > MOST
                 || i64::from(bottom) - i64::from(top) > MOST
             {
@@ -230,7 +230,7 @@ fn picture(data: &Dataset, layout: Option<&Layout>) -> String {
             if wall {
                 text.push_str("██");
             } else {
-                // The least visited cell differs from one that never was.
+                // Rounded up, so that every visited cell has a shade.
                 let shade = char::from(SHADES[(count * (SHADES.len() - 1)).div_ceil(most)]);
                 text.extend([shade, shade]);
             }
@@ -254,12 +254,11 @@ fn picture(data: &Dataset, layout: Option<&Layout>) -> String {
     text
 }
 
-/// Cells a side that are drawn without a layout.
+/// Maximum cells per side without a layout.
 const MOST: i64 = 60;
 
-/// Rows in each cell of a layout, by row and column. Places are taken from the start cell's centre
-/// (D4RL, OGBench) or from the maze's, with y upwards (Gymnasium-Robotics, so Minari), whichever
-/// puts more rows into free cells.
+/// Rows in each cell of a layout, by row and column. The origin is the centre of the start cell (D4RL, OGBench),
+/// or the centre of the maze with y up (Gymnasium-Robotics, Minari): the one with more rows in free cells.
 fn visits(data: &Dataset, layout: &Layout) -> Vec<Vec<usize>> {
     let (rows, columns) = layout.shape();
     let corner = layout.centre((0, 0));
@@ -289,7 +288,7 @@ fn visits(data: &Dataset, layout: &Layout) -> Vec<Vec<usize>> {
 mod tests {
     use super::*;
 
-    /// One episode along places.
+    /// One episode through these positions.
     fn along(places: &[[f32; 2]]) -> Dataset {
         let mut data = Dataset::default();
         for [x, y] in places {
@@ -305,21 +304,21 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_shades_cells_and_draws_walls() {
+    fn the_map_has_shades_and_walls() {
         let places = [[0.0, 0.0], [0.1, 0.0], [0.0, 0.1], [4.0, 0.0], [0.0, 4.0]];
         let layout = Layout::named("umaze").unwrap();
-        let text = picture(&along(&places), Some(&layout));
+        let text = visit_map(&along(&places), Some(&layout));
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[1], "██@@--  ██");
         assert_eq!(lines[3], "██      ██");
         assert_eq!(lines[5], "1 of 5 rows outside of the free cells");
-        let text = picture(&along(&places), None);
+        let text = visit_map(&along(&places), None);
         assert_eq!(text, "@@--\n--  \n");
     }
 
     #[test]
-    fn places_from_the_centre_of_the_maze_are_told_from_those_of_the_start() {
-        // Gymnasium-Robotics' frame: row 1 of five lies at y = 4, column 1 at x = -4.
+    fn the_origin_of_positions_is_detected() {
+        // In Gymnasium-Robotics, row 1 of five is at y = 4, and column 1 at x = -4.
         let places = [
             [-4.0, 4.0],
             [0.0, 4.0],
@@ -329,7 +328,7 @@ mod tests {
             [-4.0, -4.0],
         ];
         let layout = Layout::named("umaze").unwrap();
-        let text = picture(&along(&places), Some(&layout));
+        let text = visit_map(&along(&places), Some(&layout));
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[1], "██@@@@@@██");
         assert_eq!(lines[2], "██████@@██");
@@ -338,8 +337,8 @@ mod tests {
     }
 
     #[test]
-    fn places_far_out_are_not_drawn() {
-        let text = picture(&along(&[[-1e30, 0.0], [1e30, 0.0]]), None);
+    fn distant_positions_are_not_drawn() {
+        let text = visit_map(&along(&[[-1e30, 0.0], [1e30, 0.0]]), None);
         assert!(text.starts_with("no picture"), "{text}");
     }
 }
