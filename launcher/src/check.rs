@@ -12,10 +12,10 @@ use maze::Layout;
 use crate::fault::Input;
 use limits::limits;
 
-/// Reads the data set of a config, if it is there, and says what is to be said of it.
+/// Reads the data set of a config, if it exists, and prints notes about it.
 ///
 /// # Errors
-/// Data that cannot be read, or that do not fit the run.
+/// The data cannot be read, or do not fit the run.
 pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
     let path = Path::new(&config.dataset.path);
     if config.run.kind == Kind::Walker || !path.exists() {
@@ -26,21 +26,21 @@ pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
             let other = other_maze(&made, config);
             match config.dataset.fit {
                 Misfit::Refuse => return Err(Input(other).into()),
-                Misfit::Warn => say!("note: {other}"),
+                Misfit::Warn => outln!("note: {other}"),
             }
         } else if let Some(wanted) = actor::collect::made(config)? {
             for change in changes(&made, &wanted) {
-                say!("note: {}: {change}", config.dataset.path);
+                outln!("note: {}: {change}", config.dataset.path);
             }
         }
     }
     for note in dataset::load_for(config)?.notes {
-        say!("note: {note}");
+        outln!("note: {note}");
     }
     Ok(())
 }
 
-/// That a data set was collected in another maze than the config's.
+/// The message that a data set was collected in another maze than the config's.
 fn other_maze(made: &Made, config: &Config) -> String {
     format!(
         "{}: was collected in maze.layout = \"{}\", the config has \"{}\"; name another file for this \
@@ -49,10 +49,10 @@ fn other_maze(made: &Made, config: &Config) -> String {
     )
 }
 
-/// Whether a data set was collected in the config's maze, whatever either calls it.
+/// Whether a data set was collected in the config's maze, by any name.
 fn is_of_maze(made: &Made, config: &Config) -> anyhow::Result<bool> {
     let rows: Vec<&str> = made.maze_rows.split_whitespace().collect();
-    // A maze that this version does not know is another one.
+    // A maze that this version does not know counts as another one.
     let Ok(own) = Layout::of(&made.maze, &rows) else {
         return Ok(false);
     };
@@ -61,8 +61,8 @@ fn is_of_maze(made: &Made, config: &Config) -> anyhow::Result<bool> {
     Ok(same(&own) == same(&wanted))
 }
 
-/// What of `[collect]` is not as it was, a sentence each. Its seed is the run's, and runs of other
-/// seeds may well learn from one data set.
+/// Sentences about changes of `[collect]`. The seed is not compared, since runs with different seeds may use one
+/// data set.
 fn changes(made: &Made, wanted: &Made) -> Vec<String> {
     let keys = ["style", "transitions", "episode_steps", "noise", "walker"];
     let both = made.attributes().into_iter().zip(wanted.attributes());
@@ -76,8 +76,7 @@ fn changes(made: &Made, wanted: &Made) -> Vec<String> {
         .collect()
 }
 
-/// Reads a config and checks all that the file alone does not tell: the maze's map, and whether
-/// shared memory holds the run.
+/// Reads a config, and checks the map of the maze and the size of shared memory.
 pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Config> {
     let available = wire::shared_memory_available()?;
     let paths = config::Paths::default();
@@ -85,8 +84,7 @@ pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Con
     Ok(config)
 }
 
-/// What is wrong with a config beyond what its file tells, by `table.key`: the maze's map, and
-/// whether the shared memory that is available (bytes) holds the run.
+/// Faults by `table.key` that a config has with its map, or on a machine with so many bytes of shared memory.
 pub(crate) fn further(config: &Config, available: u64) -> Vec<(&'static str, String)> {
     let mut faults = vec![];
     match actor::layout(config) {
@@ -106,7 +104,7 @@ pub(crate) fn further(config: &Config, available: u64) -> Vec<(&'static str, Str
     faults
 }
 
-/// What is wrong where shared memory does not hold the run.
+/// The message that shared memory is too small for the run.
 fn too_little(config: &Config, available: u64) -> Option<String> {
     let needed = limits(config).shared_memory_bytes();
     (needed > available).then(|| {
@@ -119,7 +117,7 @@ fn too_little(config: &Config, available: u64) -> Option<String> {
     })
 }
 
-/// Checks what a run needs of the machine, beyond what [`load`] does: a data set can be made without.
+/// Checks the resources of the machine for a run. [`load`] does not, since `collect` does not need them.
 pub(crate) fn resources(config: &Config) -> anyhow::Result<()> {
     allowance::check(config)?;
     match too_little(config, wire::shared_memory_available()?) {

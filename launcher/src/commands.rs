@@ -41,7 +41,7 @@ pub(crate) fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Check(args) => check::load(&args.config, &args.over.sets).and_then(|config| {
             check::resources(&config)?;
             check::data(&config)?;
-            say!(
+            outln!(
                 "{}: no fault found; the run's name is {}",
                 args.config.display(),
                 config.run.name
@@ -75,7 +75,7 @@ pub(crate) fn run(command: Command) -> anyhow::Result<ExitCode> {
         Command::Replay { trace } => replay::run(&trace),
         Command::Recover(args) => recover::run(&args),
         Command::Report(args) => report::run(&args),
-        Command::Doctor(args) => doctor::doctor(&args),
+        Command::Doctor(args) => doctor::run(&args),
         Command::Actor(args) => {
             output::detach();
             let args = resolve(args)?;
@@ -89,7 +89,7 @@ pub(crate) fn run(command: Command) -> anyhow::Result<ExitCode> {
 /// Walks a maze with a perfect planner.
 fn ceiling(config: &Config, episodes: usize, walker: Option<&Path>) -> anyhow::Result<ExitCode> {
     let result = actor::ceiling::measure(config, episodes, walker)?;
-    say!("{result}");
+    outln!("{result}");
     Ok(ExitCode::SUCCESS)
 }
 

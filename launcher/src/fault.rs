@@ -1,30 +1,29 @@
-//! Errors as the user sees them: what is a fault in what they gave, and how it is said.
+//! Errors as the user sees them: whether the cause is in what they gave, and the message.
 
 use dataset::{DatasetError, LoadError};
 use graph::kmeans::KMeansError;
 use nets::file::FileError;
 
-/// A fault that needs no more words than these.
+/// A fault in what the user gave, as a sentence.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub(crate) struct Input(pub(crate) String);
 
-/// An error and its causes, each said once: libraries differ in whether an error's own text tells
-/// its cause.
+/// An error and its causes, each once: with some libraries the text of an error includes its cause.
 pub(crate) fn sentence(error: &anyhow::Error) -> String {
-    let mut told = String::new();
+    let mut sentence = String::new();
     for cause in error.chain() {
         let cause = cause.to_string();
-        if told.is_empty() {
-            told = cause;
-        } else if !told.contains(&cause) {
-            told = format!("{told}: {cause}");
+        if sentence.is_empty() {
+            sentence = cause;
+        } else if !sentence.contains(&cause) {
+            sentence = format!("{sentence}: {cause}");
         }
     }
-    told
+    sentence
 }
 
-/// Whether an error is the user's to mend.
+/// Whether the cause of an error is in what the user gave.
 pub(crate) fn is_input(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause.is::<Input>()
@@ -54,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faults_of_the_input_are_known_in_any_context() {
+    fn faults_of_the_input_are_found_in_any_context() {
         let input: Result<(), _> = Err(Input("mend it".to_owned()));
         assert!(is_input(&input.context("reading it").unwrap_err()));
         let path = std::path::PathBuf::from("a.hdf5");
@@ -70,12 +69,12 @@ mod tests {
     }
 
     #[test]
-    fn each_cause_is_said_once() {
+    fn each_cause_is_named_once() {
         let path = std::path::PathBuf::from("a.hdf5");
         let source = std::io::Error::from_raw_os_error(2);
         let error = anyhow::Error::from(DatasetError::Io { path, source });
-        let told = sentence(&error.context("reading the data"));
+        let message = sentence(&error.context("reading the data"));
         let expected = "reading the data: a.hdf5: No such file or directory (os error 2)";
-        assert_eq!(told, expected);
+        assert_eq!(message, expected);
     }
 }

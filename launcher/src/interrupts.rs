@@ -1,4 +1,4 @@
-//! Ctrl-C and its kin, for the commands that people start themselves.
+//! Signals of commands that are started in a terminal.
 
 use std::io;
 use std::os::raw::c_int;
@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP, SIGXFSZ};
 use signal_hook::iterator::Signals;
 
-/// Counts SIGINT, SIGTERM and SIGHUP: the first asks for an end, a second one for haste.
+/// Counts SIGINT, SIGTERM and SIGHUP. The first one requests an end, the second one an end at once.
 pub(crate) struct Interrupts(Arc<AtomicUsize>);
 
 impl Interrupts {
-    /// Listens from now on; the process no longer ends by these signals alone.
+    /// Handles these signals from now on, so that they do not end the process.
     pub(crate) fn listen() -> io::Result<Self> {
         let count = Arc::new(AtomicUsize::new(0));
         let counted = Arc::clone(&count);
@@ -28,17 +28,17 @@ impl Interrupts {
         Ok(Self(count))
     }
 
-    /// Signals so far.
+    /// Number of signals so far.
     pub(crate) fn count(&self) -> usize {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// Notes Ctrl-Z, which then stops the process no more by itself.
+/// Handles Ctrl-Z, so that it does not stop the process directly.
 pub(crate) struct Stops(Arc<AtomicBool>);
 
 impl Stops {
-    /// Listens from now on.
+    /// Handles Ctrl-Z from now on.
     pub(crate) fn listen() -> io::Result<Self> {
         let asked = Arc::new(AtomicBool::new(false));
         for signal in not_ignored(&[SIGTSTP]) {
@@ -47,12 +47,12 @@ impl Stops {
         Ok(Self(asked))
     }
 
-    /// Whether the process was asked to stop since the last call.
+    /// Whether Ctrl-Z was pressed since the last call.
     pub(crate) fn take(&self) -> bool {
         self.0.swap(false, Ordering::Relaxed)
     }
 
-    /// Stops this process; returns when it is continued.
+    /// Stops this process until it is continued.
     pub(crate) fn stop() {
         let _ = signal_hook::low_level::emulate_default_handler(SIGTSTP);
     }
@@ -64,10 +64,10 @@ pub(crate) fn outlive_small_files() -> io::Result<()> {
     signal_hook::flag::register(SIGXFSZ, unread).map(|_| ())
 }
 
-/// Those of the signals that were not ignored when the process began. Whoever had them ignored,
-/// `nohup` or a shell that starts a job in the background, wants it to stay like that.
+/// The signals that were not ignored when the process started. Signals that `nohup` or a shell ignores for a
+/// background job stay ignored.
 pub(crate) fn not_ignored(signals: &[c_int]) -> Vec<c_int> {
-    // Once: which signals are ignored is asked of before and after handlers are there.
+    // Read once, since handlers change it.
     static IGNORED: OnceLock<u64> = OnceLock::new();
     let ignored = *IGNORED.get_or_init(|| {
         let status = std::fs::read_to_string("/proc/self/status");
@@ -77,7 +77,7 @@ pub(crate) fn not_ignored(signals: &[c_int]) -> Vec<c_int> {
     signals.iter().copied().filter(is_kept).collect()
 }
 
-/// A bit for each signal that is ignored, the first for signal 1, by a process's `status`.
+/// A bit for each ignored signal, the lowest for signal 1, from the `status` of a process.
 fn ignored(status: &str) -> u64 {
     let mut lines = status.lines();
     let mask = lines.find_map(|line| line.strip_prefix("SigIgn:"));
@@ -95,7 +95,7 @@ mod tests {
         assert_eq!(ignored(hangup), 0x1001);
         assert_eq!(ignored("Name:\tformica\n"), 0);
         assert_eq!(ignored("SigIgn:\tzz\n"), 0);
-        // Rust's runtime ignores SIGPIPE in every program.
+        // The Rust runtime ignores SIGPIPE.
         let pipe = signal_hook::consts::SIGPIPE;
         assert_eq!(not_ignored(&[pipe, SIGTERM]), [SIGTERM]);
     }

@@ -25,7 +25,7 @@ use cli::Cli;
 fn main() -> ExitCode {
     // On failure a write beyond the limit ends the process, as by default.
     let _ = interrupts::outlive_small_files();
-    output::listen();
+    output::init_log();
     let code = match Cli::try_parse() {
         Ok(cli) => commands::run(cli.command).unwrap_or_else(|error| {
             log::error!("{}", fault::sentence(&error));
@@ -46,7 +46,7 @@ fn help(error: &clap::Error) -> ExitCode {
         return ExitCode::from(exit::INPUT);
     }
     if let Err(error) = printed {
-        output::fail(&error);
+        output::record_failure(&error);
     }
     ExitCode::SUCCESS
 }

@@ -1,19 +1,17 @@
-//! All that formica prints. Nothing else writes to standard output or standard error, but for the
-//! live view and its terminal.
+//! Standard output and standard error. Only this module and the live view write to them.
 //!
-//! No output that cannot be written is a reason to panic, or to stop working:
+//! A failure to write neither panics nor stops the work:
 //!
-//! - A reader that is gone (`| head -1`) is no fault. The command does its work, and ends with the
-//!   exit code of that.
-//! - What cannot be written for another reason, a full disk for one, is told on standard error, and
-//!   makes exit code 1 of a command that is there to print.
-//! - `launch` and `collect` write by a [queue](Queue), so that a reader that takes nothing holds
-//!   nothing up, and end with the exit code of their work in any case.
+//! - A closed pipe (`| head -1`) is not an error. The command completes its work, with the same exit code.
+//! - Other failures, such as a full disk, are reported on standard error. The exit code of a command that prints
+//!   is then 1.
+//! - `launch` and `collect` write through a [queue](Queue), so that a blocked reader does not block them. Their
+//!   exit code does not depend on the output.
 //!
-//! Crates below say what is odd by the `log` crate; [`remarks`] has it written here.
+//! Other crates use the `log` crate, whose messages [`logger`] writes here.
 
+mod logger;
 mod queue;
-mod remarks;
 mod stream;
 
 use std::fmt::Arguments;
@@ -24,9 +22,9 @@ use std::time::Duration;
 use queue::Queue;
 use stream::Stream;
 
-pub(crate) use remarks::{keep_log, listen};
+pub(crate) use logger::{init_log, stamp_log};
 
-/// Without a line written for so long, the end does not wait for a reader any more.
+/// Maximum wait for a blocked reader at the end.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 static QUEUE: Queue = Queue::new();
@@ -34,12 +32,12 @@ static QUEUE: Queue = Queue::new();
 static QUEUED: AtomicBool = AtomicBool::new(false);
 
 /// Prints a line on standard output.
-macro_rules! say {
+macro_rules! outln {
     ($($part:tt)*) => {
         $crate::output::line(format_args!($($part)*))
     };
 }
-/// Prints a line; see [`say!`].
+/// Prints a line; see [`outln!`].
 pub(crate) fn line(text: Arguments<'_>) {
     put(Stream::Out, format!("{text}\n"));
 }
@@ -57,30 +55,30 @@ fn put(stream: Stream, text: String) {
     }
 }
 
-/// Notes that standard output was written by other means, and could not be.
-pub(crate) fn fail(error: &std::io::Error) {
-    stream::fail(error);
+/// Records a failure to write standard output by other means.
+pub(crate) fn record_failure(error: &std::io::Error) {
+    stream::record_failure(error);
 }
 
-/// From now on all is written by a thread of its own: a reader that takes nothing holds nothing up.
+/// From now on a thread writes the output, so that a blocked reader does not block this one.
 pub(crate) fn detach() {
     if QUEUED.load(Ordering::Acquire) {
         return;
     }
     let writer = std::thread::Builder::new().name("output".to_owned());
     let started = writer.spawn(|| QUEUE.work(Stream::write));
-    // Without a thread it is written as before.
+    // Without a thread, output is written directly.
     QUEUED.store(started.is_ok(), Ordering::Release);
 }
 
-/// Waits until all is written, as long as somebody reads.
+/// Waits until all is written, unless the reader is blocked.
 pub(crate) fn flush() {
     if QUEUED.load(Ordering::Acquire) {
         QUEUE.flush(PATIENCE);
     }
 }
 
-/// Writes what is left; the exit code of a command whose work came to `code`.
+/// Writes what is left, and returns the exit code of a command whose work ended with `code`.
 pub(crate) fn end(code: ExitCode) -> ExitCode {
     flush();
     let Some(error) = stream::failure() else {

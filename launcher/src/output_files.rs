@@ -1,4 +1,4 @@
-//! Outputs that a command's user names.
+//! Files that a command writes at a path from the user.
 
 use std::io;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::exit;
 use crate::fault::Input;
 use crate::interrupts::not_ignored;
 
-/// `--force`, for commands with an output.
+/// The argument `--force`.
 #[derive(clap::Args, Clone, Copy)]
 pub(crate) struct Force {
     /// Replace an output that is there already
@@ -23,7 +23,7 @@ pub(crate) struct Force {
 }
 
 impl Force {
-    /// What becomes of an output that is there already.
+    /// What to do with an existing output.
     pub(crate) fn existing(self) -> Existing {
         if self.force {
             Existing::Replace
@@ -33,12 +33,12 @@ impl Force {
     }
 }
 
-/// Writes a page or a picture, whole or not at all, in a folder that is there.
+/// Writes a file completely or not at all. Its folder must exist.
 pub(crate) fn write(path: &Path, existing: Existing, bytes: &[u8]) -> anyhow::Result<()> {
     let output = Output::file(path, existing, &[])?;
     let writing = || format!("writing {}", path.display());
     if let Some(folder) = path.parent().filter(|folder| *folder != Path::new("")) {
-        // A folder that is misspelled is not made.
+        // The folder is not created, since it may be misspelled.
         std::fs::metadata(folder).with_context(writing)?;
     }
     let staged = output
@@ -46,8 +46,7 @@ pub(crate) fn write(path: &Path, existing: Existing, bytes: &[u8]) -> anyhow::Re
     Ok(staged.place()?)
 }
 
-/// Ends the process at a signal, without what it has staged: for commands that nothing else ends
-/// early.
+/// Ends the process at a signal and removes its temporary files, in commands that do not handle signals.
 pub(crate) fn end_at_signals() -> io::Result<()> {
     let mut signals = Signals::new(not_ignored(&[SIGINT, SIGTERM, SIGHUP]))?;
     std::thread::spawn(move || {
@@ -59,8 +58,8 @@ pub(crate) fn end_at_signals() -> io::Result<()> {
     Ok(())
 }
 
-/// The error, as one of the user's where the output that was named cannot be written.
-pub(crate) fn given(error: DatasetError) -> anyhow::Error {
+/// Converts an error, with a fault of the named output as [`Input`].
+pub(crate) fn as_input(error: DatasetError) -> anyhow::Error {
     match &error {
         DatasetError::Output(OutputError::Io { .. }) => error.into(),
         DatasetError::Output(_) => Input(error.to_string()).into(),
@@ -68,7 +67,7 @@ pub(crate) fn given(error: DatasetError) -> anyhow::Error {
     }
 }
 
-/// Whether an error is that something stands where an output was to go.
+/// Whether the error is that the output already exists.
 pub(crate) fn taken(error: &anyhow::Error) -> bool {
     matches!(
         error.downcast_ref(),

@@ -123,7 +123,7 @@ fn flat_texts(resolved: &str) -> BTreeMap<String, String> {
     for (table, value) in toml::from_str::<toml::Table>(resolved).unwrap_or_default() {
         for (key, value) in value.as_table().into_iter().flatten() {
             if let Some(text) = value.as_str() {
-                // As a run file has them: `$` and `~` are written twice.
+                // Written so that nothing of it is filled in again.
                 let path = crate::paths::expand(text, |_| None);
                 texts.insert(format!("{table}.{key}"), path.unwrap_or_default());
             }

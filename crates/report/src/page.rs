@@ -1,9 +1,11 @@
 //! `formica report`: all that runs have recorded, as one page that needs no other file.
 
 mod charts;
+mod graphs;
 mod html;
 mod maps;
 mod outcome;
+mod paths;
 mod scores;
 mod settings;
 mod stages;
@@ -21,8 +23,8 @@ pub fn page(groups: &[SeedGroup]) -> anyhow::Result<String> {
     let sections = [
         section("scores", "Scores", scores::section(groups)?),
         section("learning", "Learning curves", charts::learning(groups)),
-        section("latent-graph", "Graph", maps::graphs(groups)),
-        section("walks", "Paths", maps::paths(groups)),
+        section("latent-graph", "Graph", graphs::section(groups)),
+        section("walks", "Paths", paths::section(groups)),
         section("stages", "Stages", stages::section(groups)?),
         section("machinery", "Throughput and lag", charts::machinery(groups)),
         section("training", "Training", charts::training(groups)),

@@ -1,4 +1,4 @@
-//! What the system lets a user have, held against what a run starts.
+//! Limits of processes and threads, compared with the needs of a run.
 
 use std::path::{Path, PathBuf};
 
@@ -7,16 +7,18 @@ use rustix::process::{Resource, getrlimit, getuid};
 
 use super::limits::limits;
 
-/// Threads of the launcher, and of each process that it starts: two or three when all is calm.
+/// Threads per process of a run: usually two or three.
 const THREADS: u64 = 4;
 
-/// Raises what this process may have to what the run needs; an error names the limit that is too
-/// low and how it is raised, or the place where channels cannot lie.
+/// Raises the limits of this process to the needs of a run.
+///
+/// # Errors
+/// A limit is too low, with how to raise it, or channels cannot be created.
 pub(crate) fn check(config: &Config) -> anyhow::Result<()> {
     wire::sockets_available()?;
     limits(config).allow()?;
     let needed = THREADS * (config.topology.actors as u64 + 3);
-    // The kernel holds no limit of a user against root.
+    // The kernel does not apply this limit to root.
     let limit = getrlimit(Resource::Nproc)
         .current
         .filter(|_| !getuid().is_root());
@@ -40,7 +42,7 @@ pub(crate) fn check(config: &Config) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Processes and threads of a user that are seen from here.
+/// Visible processes and threads of a user.
 fn tasks_of(user: u32) -> u64 {
     let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
     let threads = |entry: std::fs::DirEntry| {
@@ -50,7 +52,7 @@ fn tasks_of(user: u32) -> u64 {
     processes.filter_map(threads).sum()
 }
 
-/// Threads of a process by its status, where it is this user's.
+/// Threads of a process by its `status`; `None` if it belongs to another user.
 fn threads_of(status: &str, user: u32) -> Option<u64> {
     let value = |key: &str| {
         let mut lines = status.lines();
@@ -60,8 +62,8 @@ fn threads_of(status: &str, user: u32) -> Option<u64> {
     own.then(|| value("Threads:")?.parse().ok()).flatten()
 }
 
-/// Limit and number of tasks in the control group of this process, and the file of the limit. What
-/// stands above it in the tree of groups is not seen from within.
+/// Limit and number of tasks in the control group of this process, and the file of the limit. Parent groups are
+/// not visible from within.
 fn own_group() -> Option<(u64, u64, PathBuf)> {
     let groups = std::fs::read_to_string("/proc/self/cgroup").ok()?;
     let own = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
@@ -82,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn threads_are_counted_of_ones_own_processes_alone() {
+    fn only_threads_of_own_processes_are_counted() {
         let status = "Name:\tx\nUid:\t1000\t0\t0\t0\nThreads:\t7\n";
         assert_eq!(threads_of(status, 1000), Some(7));
         assert_eq!(threads_of(status, 0), None);

@@ -4,7 +4,7 @@ use agents::{high, low, vae, walker};
 use config::{Config, Kind};
 use wire::{Limits, Reader};
 
-/// Sizes of the run's channels.
+/// Sizes of the channels of a run.
 pub(crate) fn limits(config: &Config) -> Limits {
     let offline = config.run.kind == Kind::Offline;
     let dz = config.encoder.latent;

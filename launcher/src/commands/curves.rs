@@ -46,6 +46,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let svg = chart(&groups, &args.metric).svg(Shape::Wide);
     output_files::write(&args.out, args.force.existing(), svg.as_bytes())?;
     output::text(seed_table::table(&groups));
-    say!("the picture is {}", args.out.display());
+    outln!("the picture is {}", args.out.display());
     Ok(ExitCode::SUCCESS)
 }

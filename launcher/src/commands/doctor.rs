@@ -1,20 +1,21 @@
-//! What this machine offers, what dead runs left on it, and what to do about either.
+//! `formica doctor`: checks the machine, and clears what dead runs left.
 
 use std::process::ExitCode;
 
 use rustix::process::{Resource, getrlimit};
 use wire::{Kept, Leftover, Liveness, Unseen};
 
-/// Shared memory that a run of a few actors can come to need (MiB).
+use crate::output;
+
+/// Shared memory for a run with a few actors (MiB).
 const ENOUGH_SHARED: u64 = 256;
 /// Space for sockets and names (bytes).
 const ENOUGH_SOCKETS: u64 = 64 << 20;
-/// Open files that a process of a run with 64 actors can come to need.
+/// Open files of a process in a run with 64 actors.
 const ENOUGH_FILES: u64 = 1100;
 /// Memory of a run with a million transitions (MiB).
 const ENOUGH_MEMORY: u64 = 2048;
 
-/// What doctor is told.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Also clear a run of which no lock is seen. Only when it is alive nowhere: not in another
@@ -23,7 +24,7 @@ pub(crate) struct Args {
     clear: Vec<String>,
 }
 
-/// Lines of a report, and whether anything in it keeps a run from starting.
+/// Lines of a report, and whether a run may fail to start.
 #[derive(Default)]
 struct Report {
     text: String,
@@ -35,7 +36,7 @@ impl Report {
         self.text += &format!("{what:<14}{found}\n");
     }
 
-    /// What is to be done where something does not hold.
+    /// Adds advice if something does not hold.
     fn check(&mut self, holds: bool, advice: &str) {
         if !holds {
             self.text += &format!("{:<14}-> {advice}\n", "");
@@ -44,9 +45,8 @@ impl Report {
     }
 }
 
-/// Looks at the machine, clears what dead runs left, and says what to do. The exit code is 1
-/// when a run may not start or not last.
-pub(crate) fn doctor(args: &Args) -> anyhow::Result<ExitCode> {
+/// Checks the machine, clears what dead runs left, and prints advice. The exit code is 1 if a run may fail.
+pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let mut report = Report::default();
     report.line(
         "formica",
@@ -66,8 +66,8 @@ pub(crate) fn doctor(args: &Args) -> anyhow::Result<ExitCode> {
             }
         }
     }
-    runs(&mut report);
-    crate::output::text(report.text);
+    leftovers(&mut report);
+    output::text(report.text);
     Ok(ExitCode::from(u8::from(report.bad)))
 }
 
@@ -78,7 +78,7 @@ fn machine(report: &mut Report) -> anyhow::Result<()> {
         cores >= 2,
         "learner and actors share one core: expect runs to take twice as long",
     );
-    places(report);
+    channels(report);
     let memory = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
     let available = memory
         .lines()
@@ -92,13 +92,13 @@ fn machine(report: &mut Report) -> anyhow::Result<()> {
             "little; a data set of a million transitions takes about 1 GiB of it",
         );
     }
-    // A run raises the soft limit itself. No limit is as good as any.
+    // A run raises the soft limit itself.
     let files = getrlimit(Resource::Nofile).maximum.unwrap_or(u64::MAX);
-    let told = match files {
+    let limit = match files {
         u64::MAX => "no limit".to_owned(),
         files => files.to_string(),
     };
-    report.line("open files", &format!("{told} a process"));
+    report.line("open files", &format!("{limit} a process"));
     report.check(
         files >= ENOUGH_FILES,
         "few; raise the hard limit: `ulimit -Hn 4096` as root, systemd by LimitNOFILE, docker by \
@@ -107,8 +107,8 @@ fn machine(report: &mut Report) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Where channels lie: shared memory, and the folder of sockets and names.
-fn places(report: &mut Report) {
+/// Checks shared memory, and the folder of sockets and names.
+fn channels(report: &mut Report) {
     match wire::shared_memory_available() {
         Ok(free) => {
             let free = free >> 20;
@@ -144,7 +144,7 @@ fn places(report: &mut Report) {
     }
 }
 
-fn runs(report: &mut Report) {
+fn leftovers(report: &mut Report) {
     let found = wire::leftovers();
     for run in &found {
         let size = format!("{} files, {} MiB", run.files, run.bytes >> 20);
@@ -158,7 +158,7 @@ fn runs(report: &mut Report) {
     }
 }
 
-/// Clears what is dead. What a run is, and what its user may do.
+/// Clears a dead run. Returns its state, with advice.
 fn state(run: &Leftover) -> String {
     let id = &run.id;
     match &run.liveness {

@@ -48,7 +48,7 @@ fn one(path: &Path, args: &Args) -> anyhow::Result<ExitCode> {
         output_files::write(picture, args.force.existing(), svg.as_bytes())?;
     }
     if args.json {
-        say!("{}", serde_json::to_string_pretty(&summary)?);
+        outln!("{}", serde_json::to_string_pretty(&summary)?);
     } else {
         output::text(inspect::text(path, &trace, &summary));
     }
@@ -63,7 +63,7 @@ fn several(paths: &[PathBuf], as_json: bool) -> anyhow::Result<ExitCode> {
     let summaries: Vec<_> = summaries.collect();
     let summaries: &Summaries = &summaries;
     if as_json {
-        say!("{}", serde_json::to_string_pretty(&json(summaries)?)?);
+        outln!("{}", serde_json::to_string_pretty(&json(summaries)?)?);
     } else {
         output::text(overview(summaries));
     }

@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         args.trace.display()
     );
     if paths.is_empty() {
-        say!("{}: all traces are whole", args.trace.display());
+        outln!("{}: all traces are whole", args.trace.display());
     }
     let codes = paths.iter().map(|from| {
         let to = args.out.clone().unwrap_or_else(|| beside(from));
@@ -63,7 +63,7 @@ fn is_damaged(path: &Path) -> bool {
 /// Prints what was recovered and what was lost, and returns the exit code.
 fn print(from: &Path, recovered: &Recovered) -> u8 {
     let messages: u64 = recovered.messages.values().sum();
-    say!(
+    outln!(
         "{}: {} steps, {messages} messages{}",
         recovered.path.display(),
         recovered.steps,
@@ -78,7 +78,7 @@ fn print(from: &Path, recovered: &Recovered) -> u8 {
     let topics: Vec<String> = (recovered.messages.iter())
         .map(|(topic, count)| format!("{count} {}", topic.escape_debug()))
         .collect();
-    say!("messages kept: {}", topics.join(", "));
+    outln!("messages kept: {}", topics.join(", "));
     let from = from.display();
     if let Some(reason) = &recovered.cut {
         log::warn!("{from} is cut off: {reason}");

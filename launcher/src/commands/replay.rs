@@ -25,10 +25,10 @@ pub(crate) fn run(given: &Path) -> anyhow::Result<ExitCode> {
 /// Replays each trace, also after one that cannot be simulated.
 fn several(paths: &[PathBuf]) -> ExitCode {
     let codes = paths.iter().map(|path| {
-        say!("{}", path.display());
+        outln!("{}", path.display());
         let code = trace::read(path).map_err(Into::into).and_then(one);
         code.unwrap_or_else(|error: anyhow::Error| {
-            say!("it cannot be simulated: {error:#}");
+            outln!("it cannot be simulated: {error:#}");
             exit::FAILED
         })
     });

@@ -41,6 +41,6 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         None => Existing::Replace,
     };
     output_files::write(&out, existing, page.as_bytes())?;
-    say!("the report is {}", out.display());
+    outln!("the report is {}", out.display());
     Ok(ExitCode::SUCCESS)
 }

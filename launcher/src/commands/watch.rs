@@ -1,4 +1,4 @@
-//! `formica watch`: a run's newest traces in Foxglove or Lichtblick, while it goes on.
+//! `formica watch`: plays the newest traces of a run to Foxglove or Lichtblick.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -11,7 +11,7 @@ use trace::Server;
 use crate::exit;
 use crate::interrupts::Interrupts;
 
-/// How often a run without a trace is looked at again.
+/// Time between two searches for a trace.
 const LOOK: Duration = Duration::from_millis(500);
 
 #[derive(clap::Args)]
@@ -37,14 +37,14 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let interrupts = Interrupts::listen()?;
     let stopped = || interrupts.count() > 0;
     let server = Server::start(args.port).context("listening; give another --port")?;
-    say!(
+    outln!(
         "open ws://127.0.0.1:{} in Foxglove or Lichtblick; Ctrl-C ends",
         server.port()
     );
     while !stopped() {
         match traces::newest(&named) {
             Some(path) => {
-                say!("{}", path.display());
+                outln!("{}", path.display());
                 if let Err(error) = server.play(&path, args.speed, &stopped) {
                     log::warn!("{error}");
                     std::thread::sleep(LOOK);

@@ -1,4 +1,4 @@
-//! What waits to be written: bounded, the oldest goes first.
+//! A bounded queue of output. When it is full, the oldest text is dropped.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -6,24 +6,24 @@ use std::time::Duration;
 
 use super::stream::Stream;
 
-/// Texts that wait; of more, the oldest are left out.
+/// Maximum number of texts.
 const MOST: usize = 1000;
 
-/// Texts on their way to a writer of their own.
+/// Texts for a writer thread.
 pub(super) struct Queue {
     waiting: Mutex<Waiting>,
-    /// There is something to write.
-    news: Condvar,
-    /// Something was written.
-    progress: Condvar,
+    /// Signalled when a text was added.
+    added: Condvar,
+    /// Signalled when a text was written.
+    written: Condvar,
 }
 
 struct Waiting {
     texts: VecDeque<(Stream, String)>,
-    left_out: usize,
-    /// Texts that were written or are about to be.
+    dropped: usize,
+    /// Number of texts that the writer has taken.
     taken: u64,
-    /// One is being written.
+    /// Whether a text is being written.
     busy: bool,
 }
 
@@ -38,12 +38,12 @@ impl Queue {
         Self {
             waiting: Mutex::new(Waiting {
                 texts: VecDeque::new(),
-                left_out: 0,
+                dropped: 0,
                 taken: 0,
                 busy: false,
             }),
-            news: Condvar::new(),
-            progress: Condvar::new(),
+            added: Condvar::new(),
+            written: Condvar::new(),
         }
     }
 
@@ -51,48 +51,48 @@ impl Queue {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Never waits for the writer.
+    /// Adds a text, without waiting for the writer.
     pub(super) fn put(&self, stream: Stream, text: String) {
         let mut waiting = self.lock();
         if waiting.texts.len() >= MOST {
             waiting.texts.pop_front();
-            waiting.left_out += 1;
+            waiting.dropped += 1;
         }
         waiting.texts.push_back((stream, text));
-        self.news.notify_one();
+        self.added.notify_one();
     }
 
-    /// Writes what comes, for ever.
+    /// Writes texts forever.
     pub(super) fn work(&self, mut write: impl FnMut(Stream, &str)) {
         loop {
             let mut waiting = self.lock();
             waiting.busy = false;
-            self.progress.notify_all();
+            self.written.notify_all();
             let empty = |waiting: &mut Waiting| waiting.texts.is_empty();
-            let wait = self.news.wait_while(waiting, empty);
+            let wait = self.added.wait_while(waiting, empty);
             let mut waiting = wait.unwrap_or_else(PoisonError::into_inner);
-            let left_out = std::mem::take(&mut waiting.left_out);
+            let dropped = std::mem::take(&mut waiting.dropped);
             let Some((stream, text)) = waiting.texts.pop_front() else {
                 continue;
             };
             waiting.taken += 1;
             waiting.busy = true;
             drop(waiting);
-            if left_out > 0 {
-                let told = format!("({left_out} messages were left out: nobody read them)\n");
-                write(stream, &told);
+            if dropped > 0 {
+                let text = format!("({dropped} messages were left out: nobody read them)\n");
+                write(stream, &text);
             }
             write(stream, &text);
         }
     }
 
-    /// Waits until all is written; no longer than `patience` without anything being written.
+    /// Waits until all is written, or until nothing was written for `patience`.
     pub(super) fn flush(&self, patience: Duration) {
         let mut waiting = self.lock();
         while !waiting.is_over() {
             let before = waiting.taken;
             let stuck = |waiting: &mut Waiting| !waiting.is_over() && waiting.taken == before;
-            let wait = self.progress.wait_timeout_while(waiting, patience, stuck);
+            let wait = self.written.wait_timeout_while(waiting, patience, stuck);
             let (after, wait) = wait.unwrap_or_else(PoisonError::into_inner);
             if wait.timed_out() {
                 return;
@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reader_that_takes_nothing_costs_the_oldest_lines_and_no_time() {
+    fn a_blocked_reader_costs_the_oldest_lines_and_no_time() {
         let queue = Arc::new(Queue::new());
         let (go, wait) = channel::<()>();
         let (written, read) = channel();

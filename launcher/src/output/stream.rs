@@ -1,4 +1,4 @@
-//! Standard output and standard error, written without a panic.
+//! Writes to standard output and standard error without panics.
 
 use std::io;
 use std::os::fd::BorrowedFd;
@@ -8,35 +8,35 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::Errno;
 use rustix::stdio::{stderr, stdout};
 
-/// Where to.
+/// A standard stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Stream {
     Out,
     Err,
 }
 
-/// Why standard output could not be written, the first time.
+/// The first failure to write standard output.
 static FAILURE: Mutex<Option<Errno>> = Mutex::new(None);
 
 fn first() -> MutexGuard<'static, Option<Errno>> {
     FAILURE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Why standard output is not whole; none where it is, or where its reader left.
+/// The failure to write standard output; `None` if there was none, or if the reader closed it.
 pub(super) fn failure() -> Option<io::Error> {
     let failure = *first();
     let failure = failure.filter(|errno| *errno != Errno::PIPE);
     failure.map(io::Error::from)
 }
 
-/// Notes that standard output could not be written.
-pub(super) fn fail(error: &io::Error) {
+/// Records a failure to write standard output.
+pub(super) fn record_failure(error: &io::Error) {
     let errno = Errno::from_io_error(error).unwrap_or(Errno::IO);
     first().get_or_insert(errno);
 }
 
 impl Stream {
-    /// Writes all of it, or notes why not. Nothing can be done about standard error.
+    /// Writes a text, or records the failure. Failures of standard error are ignored.
     pub(super) fn write(self, text: &str) {
         match self {
             Self::Err => drop(write_all(stderr(), text.as_bytes())),
@@ -56,7 +56,7 @@ fn write_all(to: BorrowedFd<'_>, mut bytes: &[u8]) -> Result<(), Errno> {
             Ok(0) => return Err(Errno::NOSPC),
             Ok(n) => bytes = &bytes[n..],
             Err(Errno::INTR) => {}
-            // Another process made the pipe one that does not block.
+            // Another process made the pipe non-blocking.
             Err(Errno::AGAIN) => match poll(&mut [PollFd::new(&to, PollFlags::OUT)], None) {
                 Ok(_) | Err(Errno::INTR) => {}
                 Err(errno) => return Err(errno),
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pipe_that_does_not_block_gets_all_of_it() {
+    fn a_non_blocking_pipe_gets_all() {
         let (reader, writer) = rustix::pipe::pipe().unwrap();
         rustix::fs::fcntl_setfl(&writer, rustix::fs::OFlags::NONBLOCK).unwrap();
         let text = "0123456789".repeat(50_000);
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_that_is_gone_and_a_full_disk_are_errors() {
+    fn a_closed_pipe_and_a_full_disk_are_errors() {
         let (reader, writer) = rustix::pipe::pipe().unwrap();
         drop(reader);
         assert_eq!(write_all(writer.as_fd(), b"a"), Err(Errno::PIPE));

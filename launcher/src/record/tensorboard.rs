@@ -1,6 +1,6 @@
 //! Event files of TensorBoard: every metric as a scalar.
 //!
-//! A file is a row of records: length, its masked checksum, the event, its masked checksum.
+//! A file is a sequence of records: length, its masked checksum, the event, its masked checksum.
 
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -10,10 +10,10 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use prost::Message;
 
-/// What a file of this kind says first.
+/// The first event of a file.
 const VERSION: &str = "brain.Event:2";
 
-/// `tensorflow.Event` of event.proto, as far as scalars need it.
+/// `tensorflow.Event` of event.proto, with the fields for scalars.
 #[derive(Clone, PartialEq, Message)]
 struct Event {
     #[prost(double, tag = "1")]
@@ -42,12 +42,12 @@ struct Value {
     simple_value: Option<f32>,
 }
 
-/// The file that this launcher writes.
+/// An event file.
 pub(crate) struct EventFile(BufWriter<File>);
 
 impl EventFile {
-    /// Begins a file in a folder, which is made where it is missing; TensorBoard reads all files of
-    /// a folder as one.
+    /// Creates a file in a folder, which is created if it is missing. TensorBoard reads all files of a folder as
+    /// one.
     pub(crate) fn create(folder: &Path) -> io::Result<Self> {
         DirBuilder::new()
             .recursive(true)
@@ -61,7 +61,7 @@ impl EventFile {
             .map(|c| if c.is_alphanumeric() { c } else { '-' })
             .collect();
         let now = unix_seconds();
-        // One that was resumed within the second finds the name taken.
+        // After a resume within the same second the name exists.
         let mut seconds = now as u64;
         let file = loop {
             let path = folder.join(format!("events.out.tfevents.{seconds}.{host}"));
@@ -84,7 +84,7 @@ impl EventFile {
         Ok(events)
     }
 
-    /// Adds a scalar; single precision is all that the format has.
+    /// Adds a scalar, in single precision as the format requires.
     pub(crate) fn scalar(&mut self, tag: String, step: u64, value: f64) -> io::Result<()> {
         self.write(&Event {
             wall_time: unix_seconds(),
@@ -113,7 +113,7 @@ fn unix_seconds() -> f64 {
     since.unwrap_or_default().as_secs_f64()
 }
 
-/// Bytes with length and checksums around them.
+/// A record: bytes with length and checksums.
 fn record(bytes: &[u8]) -> Vec<u8> {
     let length = (bytes.len() as u64).to_le_bytes();
     let mut record = Vec::with_capacity(bytes.len() + 16);
@@ -124,7 +124,7 @@ fn record(bytes: &[u8]) -> Vec<u8> {
     record
 }
 
-/// CRC-32C, masked since a checksum of bytes that hold checksums is a weak one.
+/// CRC-32C, masked as the format requires.
 fn masked(bytes: &[u8]) -> u32 {
     crc32c::crc32c(bytes)
         .rotate_right(15)
@@ -135,7 +135,7 @@ fn masked(bytes: &[u8]) -> u32 {
 mod tests {
     use super::*;
 
-    /// The events of a file, every checksum looked at.
+    /// The events of a file, with all checksums verified.
     fn events(mut bytes: &[u8]) -> Vec<Event> {
         let mut events = vec![];
         while !bytes.is_empty() {
@@ -189,10 +189,10 @@ mod tests {
     fn checksums_are_those_of_the_format() {
         // RFC 3720, B.4: 32 bytes of zeroes.
         assert_eq!(crc32c::crc32c(&[0; 32]), 0x8a91_36aa);
-        // Turned right by 15 bits, and a constant added.
+        // Rotated right by 15 bits, plus a constant.
         assert_eq!(masked(&[0; 32]), 0x0fd7_fffa);
-        // The length and its checksum that begin a record of 24 bytes, as TensorBoard's own
-        // writer begins each of its files (`brain.Event:2` and a time).
+        // Length and checksum of a record of 24 bytes, with which TensorBoard's own writer starts each file
+        // (`brain.Event:2` and a time).
         assert_eq!(
             record(&[0; 24])[..12],
             [24, 0, 0, 0, 0, 0, 0, 0, 0xa3, 0x7f, 0x4b, 0x22]

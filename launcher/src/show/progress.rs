@@ -64,7 +64,7 @@ impl Progress {
         self.shown = Some(Instant::now());
         let line = line(scene);
         if line != self.last {
-            say!("{line}");
+            outln!("{line}");
         }
         self.last = line;
     }
@@ -73,7 +73,7 @@ impl Progress {
     pub(crate) fn print(&mut self, text: &str) {
         match &mut self.live {
             Some(live) => live.add_line(text),
-            None => say!("{text}"),
+            None => outln!("{text}"),
         }
     }
 
@@ -100,7 +100,7 @@ impl Progress {
     pub(crate) fn close(&mut self) {
         if let Some(live) = self.live.take() {
             for line in live.close() {
-                say!("{line}");
+                outln!("{line}");
             }
         }
     }

@@ -20,12 +20,12 @@ pub(crate) fn if_missing(
         return Ok(None);
     }
     let path = Path::new(&config.dataset.path);
-    say!("collect: making {}", path.display());
+    outln!("collect: making {}", path.display());
     let output = Output::file(path, Existing::Refuse, &[]).map_err(anyhow::Error::from);
     match output.and_then(|output| collect(config, &output, interrupts)) {
         // Another launch made it; either data set will do.
         Err(error) if output_files::taken(&error) => {
-            say!(
+            outln!(
                 "collect: another process made {} meanwhile; it is used",
                 path.display()
             );
@@ -47,14 +47,14 @@ pub(crate) fn collect(
     let collected = actor::collect::collect(config, output, &stopped, |done, total| {
         if last.elapsed() > Duration::from_secs(2) {
             last = Instant::now();
-            say!("collect: {done} of {total} transitions");
+            outln!("collect: {done} of {total} transitions");
         }
     })?;
     let Some(collected) = collected else {
-        say!("collect: stopped; no data set was written");
+        outln!("collect: stopped; no data set was written");
         return Ok(Some(ExitCode::from(exit::SIGNAL)));
     };
-    say!(
+    outln!(
         "collect: {collected} in {:.0} s",
         start.elapsed().as_secs_f64()
     );

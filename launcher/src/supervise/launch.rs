@@ -32,7 +32,7 @@ pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
         ..RunProgress::default()
     };
     let folder = folder::create(config)?;
-    say!(
+    outln!(
         "run {} with config {}",
         folder.path.display(),
         config.hash()
@@ -58,19 +58,19 @@ pub(crate) fn resume(
     } = match resume::open(name, sets)? {
         Reopened::Open(resumed) => *resumed,
         Reopened::Finished(message) => {
-            say!("{message}");
+            outln!("{message}");
             return Ok(ExitCode::SUCCESS);
         }
     };
     check::resources(&config)?;
     salvage::sweep(&folder.path, config.topology.actors);
-    say!(
+    outln!(
         "run {} goes on after {:.0} s, with config {}",
         folder.path.display(),
         progress.seconds,
         config.hash()
     );
-    notes.iter().for_each(|note| say!("{note}"));
+    notes.iter().for_each(|note| outln!("{note}"));
     host(&config, &folder, progress, interrupts, plain)
 }
 
@@ -82,7 +82,7 @@ fn clear_dead() {
         .filter(|run| run.liveness == wire::Liveness::Dead)
     {
         if wire::clear(&dead.id).is_ok() {
-            say!(
+            outln!(
                 "cleared what the dead run {} left in shared memory",
                 dead.id
             );

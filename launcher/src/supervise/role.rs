@@ -35,7 +35,7 @@ pub(crate) fn run(
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
     if launcher.is_some() {
-        output::keep_log();
+        output::stamp_log();
     }
     // Without this its name is that of /proc/self/exe.
     let _ = rustix::thread::set_name(c"formica");

@@ -1,5 +1,5 @@
-//! What all crates say by the `log` crate: in a command, warnings on standard error and the rest
-//! on standard output; in a process of a run, lines with time and level for its log.
+//! Writes messages of the `log` crate. In a command, warnings go to standard error and the rest to standard
+//! output; in a process of a run, all are lines of its log, with time and level.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
@@ -10,7 +10,8 @@ use plot::clock::stamp;
 use super::put;
 use super::stream::Stream;
 
-/// Crates of formica, of which all is told (iceoryx2 has a level of its own); of others, warnings.
+/// Crates of formica, whose messages are all written. From other crates only warnings are (iceoryx2 has its own
+/// level).
 const OWN: [&str; 16] = [
     "formica",
     "actor",
@@ -30,27 +31,27 @@ const OWN: [&str; 16] = [
     "wire",
 ];
 
-/// Whether what is said is a line of a log.
+/// Whether messages are lines of a log.
 static STAMPED: AtomicBool = AtomicBool::new(false);
 
-/// Writes what is said.
-struct Remarks;
+/// Writes messages.
+struct Logger;
 
-/// Has what is said by the `log` crate written.
-pub(crate) fn listen() {
-    if log::set_logger(&Remarks).is_ok() {
-        // Levels are chosen where it is known whose word it is.
+/// Writes messages of the `log` crate from now on.
+pub(crate) fn init_log() {
+    if log::set_logger(&Logger).is_ok() {
+        // `enabled` decides by the crate.
         log::set_max_level(LevelFilter::Trace);
     }
 }
 
-/// Has it written for a log from now on, panics too.
-pub(crate) fn keep_log() {
+/// Writes messages and panics as lines of a log from now on.
+pub(crate) fn stamp_log() {
     STAMPED.store(true, Ordering::Relaxed);
     std::panic::set_hook(Box::new(|info| log::error!("{info}")));
 }
 
-impl Log for Remarks {
+impl Log for Logger {
     fn enabled(&self, metadata: &Metadata<'_>) -> bool {
         let root = metadata.target().split("::").next().unwrap_or_default();
         metadata.level() <= Level::Warn || OWN.contains(&root)
