@@ -5,11 +5,12 @@ use std::fmt;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use agents::stream;
 use config::Config;
 use maze::{
     AntBody, AntMaze, CONTROL_SECONDS, FALLEN, Layout, Physics, Route, evaluation_task, upright,
 };
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use simulator::Body;
 
@@ -74,7 +75,7 @@ fn rounded(speed: f64) -> f64 {
 /// # Errors
 /// Another simulator than the ant, a walker that cannot be read, a maze that is none.
 pub fn measure(config: &Config, episodes: usize, path: Option<&Path>) -> anyhow::Result<Ceiling> {
-    is_ant(crate::SIMULATOR)?;
+    is_ant(&config.run.simulator)?;
     let layout = crate::layout(config)?;
     let walker = Walker::load(path)?;
     let limit = config.evaluation.max_steps;
@@ -94,7 +95,7 @@ pub fn measure(config: &Config, episodes: usize, path: Option<&Path>) -> anyhow:
                         if episode >= episodes {
                             return sum;
                         }
-                        let mut rng = Pcg64Mcg::seed_from_u64(config.run.seed + episode as u64);
+                        let mut rng = stream(config.run.seed, "ceiling", episode as u64);
                         open_floor(&mut walker, &mut open, &mut rng, &mut sum);
                         planned(&mut walker, &mut maze, layout, limit, &mut rng, &mut sum);
                     }

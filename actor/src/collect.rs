@@ -11,6 +11,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
+use agents::stream;
 use anyhow::Context;
 use config::Config;
 use dataset::{Made, d4rl};
@@ -61,7 +62,10 @@ pub fn made(config: &Config) -> anyhow::Result<Option<Made>> {
     let Some(settings) = &config.collect else {
         return Ok(None);
     };
-    let drive = Drive::of(crate::SIMULATOR, settings.walker.as_ref().map(Path::new))?;
+    let drive = Drive::of(
+        &config.run.simulator,
+        settings.walker.as_ref().map(Path::new),
+    )?;
     Ok(Some(Made {
         maze: config.maze.layout.clone(),
         maze_rows: config.maze.rows.join(" "),
@@ -89,7 +93,7 @@ pub fn collect(
     progress: impl FnMut(usize, usize),
 ) -> anyhow::Result<Option<Collected>> {
     let layout = crate::layout(config)?;
-    let name = crate::SIMULATOR;
+    let name = config.run.simulator.as_str();
     let body = simulators::body(name).with_context(|| format!("no simulator '{name}'"))?;
     let episodes = episodes(config, &layout, name, stopped, progress)?;
     if stopped() {
@@ -126,9 +130,9 @@ fn episodes(
                     if number >= count {
                         break;
                     }
-                    let seed = (config.run.seed << 32) + number as u64;
+                    let rng = stream(config.run.seed, "collect", number as u64);
                     let episode =
-                        episode::play(&mut *simulator, &mut drive, layout, settings, seed)?;
+                        episode::play(&mut *simulator, &mut drive, layout, settings, rng)?;
                     sender.send((number, episode)).ok()?;
                 }
                 Some(())
@@ -225,7 +229,7 @@ mod tests {
                  [collect]\ntransitions = 1000\nepisode_steps = 150\nthreads = {threads}\n",
                 path.display()
             );
-            let config = Config::parse(&text, "x.toml", "x", &[]).unwrap();
+            let config = agents::CONFIGS.parse(&text, "x.toml", "x", &[]).unwrap();
             let output = Output::file(&path, Existing::Refuse, &[]).unwrap();
             let told = collect(&config, &output, &|| false, |_, _| {});
             let told = told.unwrap().unwrap();

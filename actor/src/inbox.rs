@@ -1,146 +1,68 @@
-//! The newest weights and graph that fit each other, as an actor acts with them.
+//! The newest weights and graph, and the policies that they make.
 
-use std::collections::VecDeque;
+use std::sync::Arc;
 
-use agents::navigator::{Controller, Navigator, Patience, Planner, Settings};
-use agents::{high, low, vae};
-use config::Config;
-use graph::{Graph, Knowledge};
-use wire::{Bus, GraphSubscriber, Module, Weights, WeightsSubscriber};
+use agents::{GraphRule, Parts, Plan, Policy, Versions, Weights};
+use wire::{Bus, GraphSubscriber, WeightsSubscriber};
 
-use crate::walker::Walker;
-
-/// Versions of the graph that are kept until the high level's weights for them come.
-const KEPT: usize = 4;
+const _: () = assert!(agents::PARTS == wire::PARTS && agents::GRAPH == wire::GRAPH);
 
 /// What has come.
-pub(crate) struct Inbox {
-    encoder: WeightsSubscriber,
-    low: WeightsSubscriber,
-    high: WeightsSubscriber,
-    graph: GraphSubscriber,
-    newest_encoder: Option<Weights>,
-    newest_low: Option<Weights>,
-    newest_high: Option<Weights>,
-    /// The newest first.
-    graphs: VecDeque<Graph>,
-    walker: Option<Walker>,
-    latent: usize,
+pub(crate) struct Inbox<'a> {
+    plan: &'a dyn Plan,
+    weights: Vec<WeightsSubscriber>,
+    graph: Option<(GraphSubscriber, Arc<dyn GraphRule>)>,
+    parts: Parts,
 }
 
-/// Versions of low, high and graph that act together.
-pub(crate) type Versions = [u64; 3];
-
-impl Inbox {
-    pub(crate) fn new(config: &Config, bus: &Bus) -> anyhow::Result<Self> {
-        let walker = match config.low.controller {
-            config::Controller::Walker => Some(Walker::load(None)?),
-            config::Controller::Learned => None,
-        };
+impl<'a> Inbox<'a> {
+    pub(crate) fn new(plan: &'a dyn Plan, bus: &Bus) -> anyhow::Result<Self> {
+        let networks = plan.networks().len();
+        let weights = (0..networks).map(|number| WeightsSubscriber::new(bus, number));
         Ok(Self {
-            encoder: WeightsSubscriber::new(bus, Module::Encoder)?,
-            low: WeightsSubscriber::new(bus, Module::Low)?,
-            high: WeightsSubscriber::new(bus, Module::High)?,
-            graph: GraphSubscriber::new(bus)?,
-            newest_encoder: None,
-            newest_low: None,
-            newest_high: None,
-            graphs: VecDeque::new(),
-            walker,
-            latent: config.encoder.latent,
+            plan,
+            weights: weights.collect::<Result<_, _>>()?,
+            graph: match plan.graph() {
+                Some(rule) => Some((GraphSubscriber::new(bus)?, rule)),
+                None => None,
+            },
+            parts: Parts::new(networks),
         })
     }
 
-    /// Looks for news; whether there was any.
+    /// Takes what is newer. Returns whether there was any.
     pub(crate) fn look(&mut self) -> bool {
-        let mut news = false;
-        for (subscriber, newest) in [
-            (&mut self.encoder, &mut self.newest_encoder),
-            (&mut self.low, &mut self.newest_low),
-            (&mut self.high, &mut self.newest_high),
-        ] {
+        let mut newer = false;
+        for (number, subscriber) in self.weights.iter_mut().enumerate() {
             if let Some(weights) = subscriber.latest() {
-                *newest = Some(weights);
-                news = true;
+                let weights = Weights {
+                    version: weights.version,
+                    structure: weights.shape_hash,
+                    values: weights.values.into(),
+                };
+                self.parts.set_weights(number, weights);
+                newer = true;
             }
         }
-        let latent = self.latent;
-        let read = |bytes: &[u8]| Graph::from_bytes_of(bytes, latent);
-        if let Some(graph) = self.graph.latest(read) {
-            self.graphs.push_front(graph);
-            self.graphs.truncate(KEPT);
-            news = true;
+        if let Some((subscriber, rule)) = &mut self.graph
+            && let Some(graph) = subscriber.latest(|bytes| rule.read(bytes))
+        {
+            self.parts.set_graph(Arc::new(graph));
+            newer = true;
         }
-        news
+        newer
     }
 
-    /// What was refused at the door.
+    /// Messages that were refused.
     pub(crate) fn refused(&self) -> u64 {
-        let weights = [&self.encoder, &self.low, &self.high];
-        self.graph.refused() + weights.map(WeightsSubscriber::refused).iter().sum::<u64>()
+        let graph = self.graph.as_ref().map_or(0, |(graph, _)| graph.refused());
+        let weights = self.weights.iter().map(WeightsSubscriber::refused);
+        graph + weights.sum::<u64>()
     }
 
-    /// A navigator of the newest parts that fit each other, and their versions; none until all
-    /// are there. Weights of the high level fit the graphs of one structure alone. Where versions
-    /// are wanted, of exactly these.
-    pub(crate) fn navigator(
-        &self,
-        config: &Config,
-        wanted: Option<Versions>,
-    ) -> Option<(Navigator, Versions)> {
-        let asked = |graph: &&Graph| wanted.is_none_or(|[.., version]| graph.version == version);
-        let (graph, planner, high_version) = match config.high.planner {
-            config::Planner::Search => (self.graphs.iter().find(asked)?, Planner::Search, 0),
-            config::Planner::Learned => {
-                let high = self.newest_high.as_ref()?;
-                let fits = |graph: &&Graph| graph.structure() == high.shape_hash && asked(graph);
-                let graph = self.graphs.iter().find(fits)?;
-                let latent = config.encoder.latent;
-                let policy = high::Policy::new(latent, graph.len(), &config.high.hidden);
-                let planner = Planner::Learned(policy, high.values.clone());
-                (graph, planner, high.version)
-            }
-        };
-        let (controller, low_version) = match &self.walker {
-            Some(walker) => (walker.controller(), 0),
-            None => {
-                let weights = self.newest_low.as_ref()?;
-                let policy = low::Policy::new(config.encoder.latent, &config.low.hidden);
-                let controller = Controller::Learned(policy, weights.values.clone());
-                (controller, weights.version)
-            }
-        };
-        let versions = [low_version, high_version, graph.version];
-        if wanted.is_some_and(|wanted| wanted != versions) {
-            return None;
-        }
-        let shape = vae::Shape::new(config.encoder.latent, &config.encoder.hidden);
-        let encoder = vae::Encoder::new(shape, &self.newest_encoder.as_ref()?.values)?;
-        let navigator = Navigator::new(
-            settings(config),
-            encoder,
-            graph.clone(),
-            controller,
-            planner,
-        )?;
-        Some((navigator, versions))
-    }
-}
-
-fn settings(config: &Config) -> Settings {
-    let e = &config.execution;
-    Settings {
-        reached_radius: e.reached_radius as f32,
-        goal_radius: e.goal_radius as f32,
-        look_ahead: e.look_ahead,
-        patience: Patience {
-            factor: e.timeout_factor as f32,
-            most: e.max_edge_steps,
-        },
-        knowledge: match config.graph.knowledge {
-            config::Knowledge::Nothing => Knowledge::Nothing,
-            config::Knowledge::Data => Knowledge::Data,
-            config::Knowledge::Rollouts => Knowledge::Rollouts,
-        },
+    /// A policy of the newest parts that fit each other, or of exactly those of `wanted`, and their
+    /// versions; none until all are there.
+    pub(crate) fn policy(&self, wanted: Option<&Versions>) -> Option<(Box<dyn Policy>, Versions)> {
+        self.plan.policy(&self.parts, wanted)
     }
 }

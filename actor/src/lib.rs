@@ -8,10 +8,10 @@ mod attach;
 pub mod ceiling;
 pub mod collect;
 mod drive;
+mod episode;
 mod inbox;
-mod navigate;
+mod player;
 mod traces;
-mod walk;
 mod walker;
 
 use std::path::PathBuf;
@@ -20,15 +20,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Context;
-use config::{Config, Kind};
+use config::Config;
 use maze::Layout;
+use simulator::Simulator;
 use wire::{Bus, RunDomain};
-
-/// Name of the simulator that data are collected with.
-pub(crate) const SIMULATOR: &str = "ant";
-
-/// Rows of a trajectory of the hierarchy, its final row included.
-pub const TRAJECTORY_STEPS: usize = navigate::TRAJECTORY_STEPS;
 
 /// Time between two words on how it is and where its ant is.
 pub(crate) const PULSE: Duration = Duration::from_millis(200);
@@ -60,7 +55,8 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
         (None, Some(domain), Some(folder)) => (folder.clone(), RunDomain::open(domain)?),
         _ => anyhow::bail!("give --attach RUN; --domain and --folder are for launch"),
     };
-    let config = Config::of_run(&folder)?;
+    let config = agents::CONFIGS.of_run(&folder)?;
+    let plan = agents::plan(&config).context("the config's algorithm is unknown")?;
     let layout = layout(&config)?;
     let stopped = || stop.load(Ordering::Relaxed);
     let attached = args.attach.is_some();
@@ -80,10 +76,8 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
             claim.actor
         );
     }
-    let sent = match config.run.kind {
-        Kind::Walker => walk::run(&config, &layout, &bus, claim, &stopped),
-        Kind::Offline => navigate::run(&config, &layout, &folder, &bus, claim, &stopped),
-    }?;
+    let places = (&layout, folder.as_path());
+    let sent = player::run(&config, &*plan, places, &bus, claim, &stopped)?;
     if let Some(ended) = ended {
         let sound = if sent.acknowledged { "all" } else { "not all" };
         log::info!(
@@ -108,20 +102,29 @@ pub fn layout(config: &Config) -> anyhow::Result<Layout> {
     layout.context("maze")
 }
 
+/// An instance of the run's simulator.
+///
+/// # Errors
+/// A simulator that this version does not have.
+pub(crate) fn simulator(config: &Config, layout: &Layout) -> anyhow::Result<Box<dyn Simulator>> {
+    let radius = config.evaluation.success_radius as f32;
+    let simulator = simulators::create(&config.run.simulator, layout, radius);
+    simulator.with_context(|| format!("no simulator '{}'", config.run.simulator))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     /// `config` depends on no other crate, so its default is a number of its own.
     #[test]
     fn the_default_success_radius_is_the_mazes() {
-        let config = Config::parse(
-            "[collect]\ntransitions = 1000\n[dataset]\npath = \"x\"\n",
-            "x.toml",
-            "x",
-            &[],
-        )
-        .unwrap();
+        let config = agents::CONFIGS
+            .parse(
+                "[collect]\ntransitions = 1000\n[dataset]\npath = \"x\"\n",
+                "x.toml",
+                "x",
+                &[],
+            )
+            .unwrap();
         let radius = config.evaluation.success_radius;
         assert_eq!(radius as f32, maze::SUCCESS_RADIUS);
     }

@@ -1,22 +1,21 @@
-//! Which episodes leave a trace, and what is told of them.
+//! Which episodes leave a trace, and what is recorded of them.
 
+use std::collections::BTreeMap;
 use std::fs::DirBuilder;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use agents::navigator::{Decision, Navigator};
+use agents::{GRAPH, Plan, Policy, Versions};
 use config::Config;
-use maze::{
-    AntBody, AntMaze, AntSimulator, Layout, Observation, Start, Task, WALL_HEIGHT, upright,
-};
-use simulator::Body;
+use maze::{Layout, WALL_HEIGHT};
+use simulator::{Body, Simulator, Task};
 use trace::{
     Behind, ChoiceRecord, EndRecord, Episode, EpisodeMeta, OutcomeRecord, Recorder, Scene,
     StateRecord, StepRecord, Still,
 };
 
-use crate::inbox::Versions;
+use crate::episode::{Environment, Purpose};
 
 /// An episode by its number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,6 +31,9 @@ pub(crate) enum Numbered {
 /// The traces of an actor.
 pub(crate) struct Traces<'a> {
     config: &'a Config,
+    body: &'static dyn Body,
+    /// Names of the algorithm's networks.
+    networks: Vec<&'static str>,
     layout: &'a Layout,
     folder: PathBuf,
     actor: u32,
@@ -44,17 +46,22 @@ pub(crate) struct Traces<'a> {
 impl<'a> Traces<'a> {
     pub(crate) fn new(
         config: &'a Config,
+        plan: &dyn Plan,
         layout: &'a Layout,
         folder: &Path,
         actor: u32,
     ) -> std::io::Result<Self> {
         let settings = &config.traces;
-        let wanted = settings.evaluation || settings.training_every > 0;
-        let warn = |told: &str| log::warn!("{told}");
-        let recorder = wanted.then(|| Recorder::new(&AntBody.spaces(), warn));
+        let wanted = config.offline && (settings.evaluation || settings.training_every > 0);
+        let body = agents::body(config);
+        let warn = |message: &str| log::warn!("{message}");
+        let recorder = wanted.then(|| Recorder::new(&body.spaces(), warn));
         let recorder = recorder.transpose()?;
+        let networks = plan.networks().into_iter().map(|network| network.name);
         Ok(Self {
             config,
+            body,
+            networks: networks.collect(),
             layout,
             folder: folder.join("traces"),
             actor,
@@ -104,11 +111,11 @@ impl<'a> Traces<'a> {
     pub(crate) fn begin(
         &mut self,
         numbered: Numbered,
-        purpose: &str,
+        purpose: Purpose,
         task: &Task,
-        start: &Start,
-        navigator: &Navigator,
-        versions: Versions,
+        simulator: &dyn Simulator,
+        policy: &dyn Policy,
+        versions: &Versions,
     ) {
         if !self.is_wanted(numbered) {
             return;
@@ -124,7 +131,7 @@ impl<'a> Traces<'a> {
             run: config.run.name.clone(),
             config_hash: config.hash(),
             config_toml: config.resolved().to_owned(),
-            purpose: purpose.to_owned(),
+            purpose: purpose.name().to_owned(),
             actor: self.actor,
             episode_index: match numbered {
                 Numbered::Evaluation(episode) | Numbered::Round(_, episode) => episode.into(),
@@ -133,17 +140,13 @@ impl<'a> Traces<'a> {
             seed: config.run.seed,
             maze: config.maze.layout.clone(),
             start: task.start,
-            goal: task.goal,
-            simulator: AntBody.name().to_owned(),
-            spaces: Some(AntBody.spaces()),
-            versions: ["low", "high", "graph"]
-                .map(str::to_owned)
-                .into_iter()
-                .zip(versions)
-                .collect(),
+            goal: [0, 1].map(|axis| task.goal.get(axis).copied().unwrap_or(f32::NAN)),
+            simulator: self.body.name().to_owned(),
+            spaces: Some(self.body.spaces()),
+            versions: self.named(policy, versions),
             success_radius: config.evaluation.success_radius as f32,
         };
-        let still = self.still(versions[2], navigator);
+        let still = self.still(versions[GRAPH], policy);
         let behind = match numbered {
             Numbered::Evaluation(_) => Behind::Wait,
             Numbered::Round(..) | Numbered::Own(_) => Behind::Skip,
@@ -154,26 +157,39 @@ impl<'a> Traces<'a> {
                 part,
                 meta,
                 still,
-                state: Some(AntSimulator::state_of(start, task.goal)),
+                state: simulator.state(),
             };
             recorder.begin(episode, behind);
         }
     }
 
+    /// Versions of the networks, and of the graph where there is one.
+    fn named(&self, policy: &dyn Policy, versions: &Versions) -> BTreeMap<String, u64> {
+        let networks = self.networks.iter().zip(versions);
+        let graph = policy.graph().map(|_| ("graph", versions[GRAPH]));
+        let named = networks.map(|(name, version)| (*name, *version));
+        let named = named.chain(graph);
+        named
+            .map(|(name, version)| (name.to_owned(), version))
+            .collect()
+    }
+
     /// The world with a graph, made anew for a new graph alone.
-    fn still(&mut self, graph_version: u64, navigator: &Navigator) -> Arc<Still> {
+    fn still(&mut self, graph_version: u64, policy: &dyn Policy) -> Arc<Still> {
         if let Some((_, still)) = self.still.as_ref().filter(|(v, _)| *v == graph_version) {
             return Arc::clone(still);
         }
-        let graph = navigator.graph();
+        let (nodes, edges) = policy.graph().map_or_else(Default::default, |graph| {
+            (graph.places.clone(), graph.pairs())
+        });
         let scene = Scene {
             walls: self.layout.boxes(),
             wall_height: WALL_HEIGHT,
-            nodes: graph.places.clone(),
-            edges: graph.pairs(),
+            nodes,
+            edges,
             ..Scene::default()
         };
-        let still = Arc::new(Still::new(scene.with_body(&AntBody)));
+        let still = Arc::new(Still::new(scene.with_body(self.body)));
         self.still = Some((graph_version, Arc::clone(&still)));
         still
     }
@@ -182,20 +198,18 @@ impl<'a> Traces<'a> {
         self.recorder.as_mut().filter(|recorder| recorder.is_open())
     }
 
-    /// Tells what was decided before an action, and gives the step's record, whose reward is still
+    /// Records what was decided before an action, and gives the step's record, whose reward is still
     /// to come; none where no trace is open.
     pub(crate) fn decided(
         &mut self,
-        step: usize,
-        observation: &Observation,
-        decision: &Decision,
-        navigator: &mut Navigator,
-        ant: &AntMaze,
+        environment: &Environment,
+        policy: &mut dyn Policy,
     ) -> Option<StepRecord> {
         let recorder = self.recorder()?;
-        let step = step as u32;
-        let subgoal_node = decision.subgoal.map_or(-1, |node| node as i32);
-        if let Some(outcome) = decision.outcome {
+        let act = &environment.act;
+        let step = environment.tally.steps as u32;
+        let number = |node: Option<u32>| node.map_or(-1, |node| node as i32);
+        if let Some(outcome) = act.outcome {
             recorder.outcome(OutcomeRecord {
                 step,
                 node: outcome.from as i32,
@@ -203,41 +217,41 @@ impl<'a> Traces<'a> {
                 reached: outcome.reached,
             });
         }
-        if decision.chosen.is_some() {
-            let (neighbours, probabilities) = navigator.probabilities().iter().copied().collect();
+        if act.chosen {
+            let choosing = policy.choosing();
+            let (neighbours, probabilities) = choosing.probabilities.into_iter().collect();
             recorder.choice(ChoiceRecord {
                 step,
-                node: decision.node as i32,
-                goal_node: navigator.goal_node() as i32,
-                subgoal_node,
-                value: navigator.value(decision.node),
+                node: number(act.node),
+                goal_node: number(act.goal_node),
+                subgoal_node: number(act.subgoal),
+                value: choosing.value,
                 neighbours,
                 probabilities,
             });
         }
         let mut record = recorder.blank();
         record.step = step;
-        state_of(observation, ant, &mut record.state);
-        record.action.extend(decision.action);
-        record.node = decision.node as i32;
-        record.subgoal_node = subgoal_node;
-        record.subgoal = Some(decision.place);
+        record.state.observe(&*environment.simulator);
+        record.action.extend_from_slice(&act.action);
+        record.node = number(act.node);
+        record.subgoal_node = number(act.subgoal);
+        record.subgoal = act.target;
         Some(record)
     }
 
-    /// Tells a step.
-    pub(crate) fn step(&mut self, record: StepRecord) {
+    /// Records a step.
+    pub(crate) fn step(&mut self, mut record: StepRecord, reward: f32) {
+        record.reward = reward;
         if let Some(recorder) = self.recorder() {
             recorder.step(record);
         }
     }
 
     /// Ends the trace that is open.
-    pub(crate) fn end(&mut self, success: bool, observation: &Observation, ant: &AntMaze) {
+    pub(crate) fn end(&mut self, success: bool, fell: bool, simulator: &dyn Simulator) {
         if let Some(recorder) = self.recorder() {
-            let mut state = StateRecord::default();
-            state_of(observation, ant, &mut state);
-            let fell = upright(observation) < maze::FALLEN;
+            let state = StateRecord::of(simulator);
             recorder.end(EndRecord {
                 state,
                 success,
@@ -252,9 +266,4 @@ impl<'a> Traces<'a> {
             recorder.discard();
         }
     }
-}
-
-fn state_of(observation: &Observation, ant: &AntMaze, state: &mut StateRecord) {
-    state.observation.extend(observation);
-    state.poses.extend(ant.body_poses());
 }

@@ -2,15 +2,9 @@
 
 use std::path::Path;
 
-use agents::navigator::Controller;
-use agents::walker::Policy;
-use anyhow::Context;
-use maze::{ACTION, Action, Egocentric};
+use agents::walker::{Policy, WalkerError, load};
+use maze::{Action, Egocentric};
 use nets::Workspace;
-use nets::file::ParameterFile;
-
-/// Trained by `formica launch configs/walker.toml`.
-const BUILT_IN: &[u8] = include_bytes!("../../assets/walker.safetensors");
 
 /// A walker and the buffers of one ant.
 #[derive(Clone)]
@@ -21,36 +15,12 @@ pub(crate) struct Walker {
 }
 
 impl Walker {
-    /// The walker of a file, or the one built in.
+    /// The walker of a file, or the one that is shipped.
     ///
     /// # Errors
     /// A file that cannot be read or is no walker.
-    pub(crate) fn load(path: Option<&Path>) -> anyhow::Result<Self> {
-        let file = match path {
-            Some(path) => ParameterFile::load(path),
-            None => ParameterFile::from_bytes(BUILT_IN),
-        };
-        let name = path.map_or("the walker built in".to_owned(), |p| {
-            p.display().to_string()
-        });
-        let file = file.with_context(|| name.clone())?;
-        let hidden = file
-            .metadata()
-            .get("hidden")
-            .context("no walker: it has no 'hidden'")?;
-        let hidden: Vec<usize> = hidden
-            .split(',')
-            .map(|width| {
-                width
-                    .parse()
-                    .ok()
-                    .filter(|width| (1..=4096).contains(width))
-            })
-            .collect::<Option<_>>()
-            .with_context(|| format!("{name}: 'hidden' is no list of widths"))?;
-        let policy = Policy::new(&hidden);
-        let mut weights = policy.mlp().from_tensors("policy", &file)?;
-        weights.extend(file.tensor("log_std", &[ACTION])?);
+    pub(crate) fn load(path: Option<&Path>) -> Result<Self, WalkerError> {
+        let (policy, weights) = load(path)?;
         let workspace = policy.mlp().workspace(1);
         Ok(Self {
             policy,
@@ -66,11 +36,6 @@ impl Walker {
             (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
         });
         format!("{hash:016x}")
-    }
-
-    /// The walker as a low level.
-    pub(crate) fn controller(&self) -> Controller {
-        Controller::Walker(self.policy.clone(), self.weights.clone())
     }
 
     /// The mean action in an observation (29 values) towards a world direction.

@@ -2,7 +2,7 @@
 
 use config::Collect;
 use maze::{Layout, Route, SUCCESS_RADIUS, Style, random_task};
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
 use simulator::Simulator;
@@ -52,15 +52,14 @@ impl Way<'_> {
     }
 }
 
-/// Plays the episode of a seed. None if the simulator observes no floats, which nobody drives by.
+/// Plays the episode of a random stream. None if the simulator observes no floats, which nobody drives by.
 pub(super) fn play(
     simulator: &mut dyn Simulator,
     drive: &mut Drive,
     layout: &Layout,
     settings: &Collect,
-    seed: u64,
+    mut rng: Pcg64Mcg,
 ) -> Option<Episode> {
-    let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let style = if settings.style == "play" {
         Style::Play
     } else {
@@ -99,7 +98,7 @@ pub(super) fn play(
 
 #[cfg(test)]
 mod tests {
-    use config::Config;
+    use agents::stream;
 
     use super::*;
 
@@ -107,13 +106,21 @@ mod tests {
     fn the_point_reaches_goals_and_its_seed_alone_decides_where() {
         let text = "[maze]\nlayout = \"medium\"\n[dataset]\npath = \"x.hdf5\"\n[collect]\n\
                     episode_steps = 700\n";
-        let config = Config::parse(text, "x.toml", "x", &[]).unwrap();
+        let config = agents::CONFIGS.parse(text, "x.toml", "x", &[]).unwrap();
         let settings = config.collect.as_ref().unwrap();
         let layout = crate::layout(&config).unwrap();
         let mut simulator = simulators::create("point", &layout, SUCCESS_RADIUS).unwrap();
         let mut drive = Drive::of("point", None).unwrap();
-        let mut episode =
-            |seed| play(&mut *simulator, &mut drive, &layout, settings, seed).unwrap();
+        let mut episode = |seed| {
+            play(
+                &mut *simulator,
+                &mut drive,
+                &layout,
+                settings,
+                stream(seed, "collect", 0),
+            )
+            .unwrap()
+        };
         let first = episode(1);
         assert_eq!(
             (first.observations.len(), first.actions.len()),

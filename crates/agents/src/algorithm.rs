@@ -81,6 +81,8 @@ pub struct Environments {
     pub trajectory_rows: usize,
     /// Control steps of an episode at most; those of the evaluation without.
     pub episode_steps: Option<usize>,
+    /// Whether newer weights act from the next trajectory on; else from the next episode on.
+    pub renewed: bool,
 }
 
 /// What a run trains, and how.
@@ -129,6 +131,7 @@ pub trait Plan: Send + Sync {
             number: 1,
             trajectory_rows: TRAJECTORY_ROWS,
             episode_steps: None,
+            renewed: false,
         }
     }
 

@@ -247,6 +247,15 @@ impl RowBuffer {
         }
     }
 
+    /// Sets what is known of the last row only after its action: flags and reward.
+    pub fn end_step(&mut self, flags: u32, reward: f32) {
+        let start = self.words.len().saturating_sub(self.layout.stride);
+        if let Some(row) = self.words.get_mut(start..).filter(|row| !row.is_empty()) {
+            row[FLAGS] = flags;
+            row[REWARD] = reward.to_bits();
+        }
+    }
+
     /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -306,7 +315,9 @@ mod tests {
             action: &[],
             goal: &[],
         });
+        buffer.end_step(flags::FINAL | flags::TEST, 2.0);
         let rows = buffer.rows();
+        assert_eq!((rows.row(1).flags(), rows.row(1).reward()), (40, 2.0));
         let row = rows.row(0);
         assert!(row.has(flags::SUCCESS) && !row.has(flags::FINAL));
         assert_eq!((row.reward(), row.log_prob()), (1.0, -0.5));

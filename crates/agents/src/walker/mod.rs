@@ -168,6 +168,7 @@ impl Plan for Training {
             number: self.settings.environments,
             trajectory_rows: self.settings.segment + 1,
             episode_steps: Some(EPISODE_STEPS),
+            renewed: true,
         }
     }
 
