@@ -5,30 +5,33 @@
 
 use std::time::{Duration, Instant};
 
+use simulator::{RowBuffer, RowLayout, RowValues, Values};
 use system_tests::{domain, eventually, finished, one_at_a_time, shared_memory, started};
 use wire::{
-    Bus, Directive, DirectivePublisher, EpisodeResult, GraphPublisher, Metric, Module, Reporter,
-    Role, RunDomain, Status, TrajectoryHeader, TrajectorySender, Transition, WeightsPublisher,
+    Bus, Directive, DirectivePublisher, EpisodeResult, GraphPublisher, Metric, Reporter, Role,
+    RunDomain, Status, TrajectoryHeader, TrajectorySender, WeightsPublisher,
 };
 
-/// An invalid transition.
-fn transition(number: usize) -> Transition {
-    let garbage = [
-        Transition {
-            reward: f32::NAN,
-            ..Transition::default()
-        },
-        Transition {
-            observation: [f32::INFINITY; wire::OBSERVATION],
-            ..Transition::default()
-        },
-        Transition {
-            node: i32::MAX,
-            subgoal: i32::MIN,
-            ..Transition::default()
-        },
-    ];
-    garbage[number % garbage.len()]
+/// Five rows, each with a value that is not finite.
+fn rows(layout: RowLayout, number: usize) -> RowBuffer {
+    let mut rows = RowBuffer::new(layout, 5);
+    let (mut observation, mut goal, mut reward) = ([0.0; 29], [0.0; 2], 0.0);
+    match number % 3 {
+        0 => reward = f32::NAN,
+        1 => observation = [f32::INFINITY; 29],
+        _ => goal = [f32::NEG_INFINITY; 2],
+    }
+    for _ in 0..5 {
+        rows.push(RowValues {
+            flags: u32::MAX,
+            reward,
+            log_prob: 0.0,
+            observation: Values::F32(&observation),
+            action: &[],
+            goal: &goal,
+        });
+    }
+    rows
 }
 
 /// Publishes an invalid directive and invalid reports.
@@ -62,9 +65,9 @@ fn garbage_on_every_channel_is_refused_at_the_door() {
         .join("graph.bin")
         .is_file()));
     let bus = Bus::join(&RunDomain::open(&domain(&run)).unwrap(), "stranger").unwrap();
-    let weights: Vec<_> = [Module::Encoder, Module::Low, Module::High]
-        .into_iter()
-        .map(|module| (module, WeightsPublisher::new(&bus, module).unwrap()))
+    let parts = bus.limits().parts.clone();
+    let weights: Vec<_> = (0..parts.len())
+        .map(|number| (number, WeightsPublisher::new(&bus, number).unwrap()))
         .collect();
     let graph = GraphPublisher::new(&bus).unwrap();
     let directives = DirectivePublisher::new(&bus).unwrap();
@@ -77,8 +80,8 @@ fn garbage_on_every_channel_is_refused_at_the_door() {
     let end = Instant::now() + Duration::from_secs(4);
     let mut sent = 0;
     while Instant::now() < end {
-        for (module, publisher) in &weights {
-            let limit = bus.limits().weights[*module as usize];
+        for (number, publisher) in &weights {
+            let limit = parts[*number].values;
             publisher
                 .publish(u64::MAX, 7, &vec![f32::NAN; limit])
                 .unwrap();
@@ -92,12 +95,11 @@ fn garbage_on_every_channel_is_refused_at_the_door() {
             let header = TrajectoryHeader {
                 episode: u64::MAX,
                 first_step: u32::MAX,
-                graph_version: u64::MAX,
-                weights_version: u64::MAX,
+                versions: [u64::MAX; wire::PARTS],
                 ..TrajectoryHeader::default()
             };
-            let step = transition(sent);
-            sender.send_with(header, 5, |_| step).unwrap();
+            let rows = rows(RowLayout::new(&bus.limits().spaces), sent);
+            sender.send(header, rows.rows(), &[u32::MAX; 9]).unwrap();
             sent += 1;
         }
         sender.wait(Duration::from_millis(20));

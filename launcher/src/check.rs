@@ -5,7 +5,8 @@ pub(crate) mod limits;
 
 use std::path::Path;
 
-use config::{Config, Kind, Misfit};
+use anyhow::Context;
+use config::{Config, Misfit};
 use dataset::Made;
 use maze::Layout;
 
@@ -18,9 +19,10 @@ use limits::limits;
 /// The data cannot be read, or do not fit the run.
 pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
     let path = Path::new(&config.dataset.path);
-    if config.run.kind == Kind::Walker || !path.exists() {
+    let plan = agents::plan(config).context("the config's algorithm is unknown")?;
+    let Some(needs) = plan.needs().filter(|_| path.exists()) else {
         return Ok(());
-    }
+    };
     if let Some(made) = Made::read(path)? {
         if !is_of_maze(&made, config)? {
             let other = other_maze(&made, config);
@@ -34,7 +36,7 @@ pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
             }
         }
     }
-    for note in dataset::load_for(config)?.notes {
+    for note in dataset::load_for(config, &needs)?.notes {
         outln!("note: {note}");
     }
     Ok(())
@@ -80,7 +82,8 @@ fn changes(made: &Made, wanted: &Made) -> Vec<String> {
 pub(crate) fn load(path: &Path, sets: &[(String, String)]) -> anyhow::Result<Config> {
     let available = wire::shared_memory_available()?;
     let paths = config::Paths::default();
-    let config = Config::load_with(path, sets, paths, |config| further(config, available))?;
+    let config =
+        agents::CONFIGS.load_with(path, sets, paths, |config| further(config, available))?;
     Ok(config)
 }
 
@@ -106,7 +109,8 @@ pub(crate) fn further(config: &Config, available: u64) -> Vec<(&'static str, Str
 
 /// The message that shared memory is too small for the run.
 fn too_little(config: &Config, available: u64) -> Option<String> {
-    let needed = limits(config).shared_memory_bytes();
+    let plan = agents::plan(config)?;
+    let needed = limits(config, &*plan).shared_memory_bytes();
     (needed > available).then(|| {
         format!(
             "/dev/shm has {} MiB free and the run can need {} MiB; free some (see `formica \

@@ -35,7 +35,7 @@ pub use registry::{ALGORITHMS, CONFIGS, body, find, plan};
 pub use rollout::{Rollout, push_record};
 pub use stage::{Inputs, Metrics, Progress, Publication, Stage, StageError, StageSpec};
 pub use stream::stream;
-pub use summary::{Label, Lookup, Summary};
+pub use summary::{Label, Lookup, Rate, Summary};
 
 /// Whether what a state holds is as long as what it replaces, and finite.
 fn same_shape(pairs: &[(&Vec<f32>, &Vec<f32>)]) -> bool {

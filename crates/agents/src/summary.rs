@@ -12,9 +12,17 @@ pub struct Label {
     pub label: &'static str,
     /// Decimals to show.
     pub decimals: usize,
-    /// The name of the rate that its steps make, as `low updates`; empty where their rate says
-    /// nothing.
-    pub rate: &'static str,
+    /// The rate that its steps make, where these count the work of a stage.
+    pub rate: Option<Rate>,
+}
+
+/// Work of a stage by time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rate {
+    /// The metric of the rate, as `throughput/low_updates_per_s`.
+    pub metric: &'static str,
+    /// What is counted, as `updates`.
+    pub unit: &'static str,
 }
 
 /// What a stage came to.

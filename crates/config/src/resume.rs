@@ -93,11 +93,26 @@ impl Config {
             .collect()
     }
 
+    /// Its keys, as they were read.
+    #[must_use]
+    pub fn keys(&self) -> &[Key] {
+        &self.keys
+    }
+
+    /// All values by `table.key`, in TOML.
+    #[must_use]
+    pub fn values(&self) -> BTreeMap<String, String> {
+        flat(self.resolved())
+    }
+
     /// Paths of files that a run reads, by `table.key`. What makes the data set is none of them.
     #[must_use]
     pub fn inputs(&self) -> Vec<(String, PathBuf)> {
         let values = flat_texts(self.resolved());
-        let inputs = self.keys.iter().filter(|key| key.on_resume == OnResume::Input);
+        let inputs = self
+            .keys
+            .iter()
+            .filter(|key| key.on_resume == OnResume::Input);
         let inputs = inputs.filter(|key| key.table != "collect");
         let named = inputs.map(|key| format!("{}.{}", key.table, key.key));
         named

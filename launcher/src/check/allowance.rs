@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use config::Config;
 use rustix::process::{Resource, getrlimit, getuid};
 
@@ -16,7 +17,8 @@ const THREADS: u64 = 4;
 /// A limit is too low, with how to raise it, or channels cannot be created.
 pub(crate) fn check(config: &Config) -> anyhow::Result<()> {
     wire::sockets_available()?;
-    limits(config).allow()?;
+    let plan = agents::plan(config).context("the config's algorithm is unknown")?;
+    limits(config, &*plan).allow()?;
     let needed = THREADS * (config.topology.actors as u64 + 3);
     // The kernel does not apply this limit to root.
     let limit = getrlimit(Resource::Nproc)

@@ -77,7 +77,7 @@ fn load(text: &str, sets: &[(String, String)]) -> Result<Config, Faults> {
         ..Paths::default()
     };
     let further = |config: &Config| further(config, 1 << 40);
-    Config::parse_with(text, "x.toml", "x", sets, paths, further)
+    agents::CONFIGS.parse_with(text, "x.toml", "x", sets, paths, further)
 }
 
 /// Keys that there are, as `table.key`.

@@ -1,51 +1,29 @@
 //! Sizes of a run's channels.
 
-use agents::{high, low, vae, walker};
-use config::{Config, Kind};
-use wire::{Limits, Reader};
+use agents::Plan;
+use config::Config;
+use wire::{Limits, Part, Reader};
 
-/// Sizes of the channels of a run.
-pub(crate) fn limits(config: &Config) -> Limits {
-    let offline = config.run.kind == Kind::Offline;
-    let dz = config.encoder.latent;
-    let nodes = if config.graph.online {
-        config.graph.max_nodes
-    } else {
-        config.graph.nodes
+/// Sizes of the channels of a run that trains by a plan.
+pub(crate) fn limits(config: &Config, plan: &dyn Plan) -> Limits {
+    let graph = plan.graph();
+    let readers = match graph {
+        Some(_) => Reader::ALL.to_vec(),
+        None => vec![Reader::Learner],
     };
-    let weights = if offline {
-        [
-            vae::Shape::new(dz, &config.encoder.hidden).weights(),
-            low::Policy::new(dz, &config.low.hidden).mlp().parameters(),
-            high::Policy::new(dz, nodes, &config.high.hidden).weights(),
-            0,
-        ]
-    } else {
-        [
-            0,
-            0,
-            0,
-            walker::Policy::new(&config.walker.hidden).weights(),
-        ]
-    };
+    let parts = plan.networks().into_iter().map(|network| Part {
+        name: network.name.to_owned(),
+        values: network.weights,
+        grows: network.grows,
+    });
     Limits {
         max_actors: config.topology.max_actors,
         window: config.topology.window,
-        trajectory_steps: if offline {
-            actor::TRAJECTORY_STEPS
-        } else {
-            config.walker.segment + 1
-        },
-        weights,
-        graph_bytes: if offline {
-            graph::max_bytes(nodes, dz)
-        } else {
-            0
-        },
-        readers: if offline {
-            Reader::ALL.to_vec()
-        } else {
-            vec![Reader::Learner]
-        },
+        spaces: agents::body(config).spaces(),
+        trajectory_rows: plan.environments().trajectory_rows,
+        choice_words: plan.choice_words(),
+        parts: parts.collect(),
+        graph_bytes: graph.map_or(0, |rule| rule.max_bytes()),
+        readers,
     }
 }

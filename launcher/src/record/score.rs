@@ -24,7 +24,7 @@ pub(crate) fn write(
     let mean = (successes > 0).then(|| f64::from(steps) / f64::from(successes));
     let mut csv = String::from("episode,success,steps,fell,nearest_m,edges,reached\n");
     for r in results {
-        let [edges, reached] = r.edges;
+        let [edges, reached] = r.choices;
         csv += &format!(
             "{},{},{},{},{:.3},{edges},{reached}\n",
             r.episode, r.success, r.steps, r.fell, r.nearest

@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 
+use agents::Rate;
+use config::Config;
 use wire::{MAX_ACTORS, Status};
 
 /// Rates are means over this window.
@@ -17,18 +19,6 @@ const LEAST: Duration = Duration::from_millis(100);
 
 /// The metric of control steps per second of all actors.
 pub(crate) const STEPS: &str = "throughput/steps_per_s";
-
-/// Stages of the learner: a metric whose steps count the work of the stage, the metric to record, and the
-/// unit.
-const STAGES: [(&str, &str, &str); 3] = [
-    ("low/policy_loss", "throughput/low_updates_per_s", "updates"),
-    ("high/entropy_nats", "throughput/high_steps_per_s", "steps"),
-    (
-        "encoder/reconstruction",
-        "throughput/encoder_updates_per_s",
-        "updates",
-    ),
-];
 
 /// Samples of the step count of an actor.
 #[derive(Default)]
@@ -70,12 +60,28 @@ impl Actor {
     }
 }
 
-#[derive(Default)]
+/// A stage of the learner.
 struct Stage {
+    /// The metric whose steps count its work.
+    counted: &'static str,
+    /// The metric to record, and what is counted.
+    recorded: Rate,
     newest: Option<(Instant, u64)>,
     /// Newest sample that was recorded.
     written: Option<(Instant, u64)>,
     rate: Option<(Instant, f64)>,
+}
+
+impl Stage {
+    fn new((counted, recorded): (&'static str, Rate)) -> Self {
+        Self {
+            counted,
+            recorded,
+            newest: None,
+            written: None,
+            rate: None,
+        }
+    }
 }
 
 /// Rates of a run.
@@ -84,17 +90,22 @@ pub(crate) struct Throughput {
     /// Control steps of all actors, including dead ones.
     steps: u64,
     written: (Instant, u64),
-    stages: [Stage; STAGES.len()],
+    stages: Vec<Stage>,
 }
 
 impl Throughput {
     /// Starts at a number of control steps.
-    pub(crate) fn new(steps: u64, now: Instant) -> Self {
+    pub(crate) fn new(config: &Config, steps: u64, now: Instant) -> Self {
+        let algorithm = agents::find(&config.run.algorithm);
+        let labels = algorithm.map_or(&[][..], |algorithm| algorithm.labels());
+        let rates = labels
+            .iter()
+            .filter_map(|label| Some((label.metric, label.rate?)));
         Self {
             actors: BTreeMap::new(),
             steps,
             written: (now, steps),
-            stages: Default::default(),
+            stages: rates.map(Stage::new).collect(),
         }
     }
 
@@ -136,8 +147,8 @@ impl Throughput {
 
     /// Adds the step of a metric.
     pub(crate) fn on_metric(&mut self, name: &str, step: u64, now: Instant) {
-        if let Some(i) = STAGES.iter().position(|(of, ..)| *of == name) {
-            let stage = &mut self.stages[i];
+        let mut stages = self.stages.iter_mut();
+        if let Some(stage) = stages.find(|stage| stage.counted == name) {
             stage.newest = Some((now, step));
             stage.written.get_or_insert((now, step));
         }
@@ -155,11 +166,11 @@ impl Throughput {
 
     /// Rate of the current stage of the learner, and its unit.
     pub(crate) fn of_learner(&self, now: Instant) -> Option<(f64, &'static str)> {
-        let fresh = |(stage, (.., word)): (&Stage, &(&str, &str, &'static str))| {
+        let fresh = |stage: &Stage| {
             let (at, rate) = stage.rate?;
-            (now.saturating_duration_since(at) < STALE).then_some((rate, *word))
+            (now.saturating_duration_since(at) < STALE).then_some((rate, stage.recorded.unit))
         };
-        self.stages.iter().zip(&STAGES).find_map(fresh)
+        self.stages.iter().find_map(fresh)
     }
 
     /// Names, steps and values of the metrics to record, when they are due.
@@ -172,7 +183,7 @@ impl Throughput {
         self.written = (now, self.steps);
         let rate = (self.steps - steps) as f64 / passed.as_secs_f64();
         let mut rows = vec![(STEPS, self.steps, rate)];
-        for (stage, (_, name, _)) in self.stages.iter_mut().zip(&STAGES) {
+        for stage in &mut self.stages {
             let (Some((then, from)), Some((last, to))) = (stage.written, stage.newest) else {
                 continue;
             };
@@ -183,7 +194,7 @@ impl Throughput {
             if to > from {
                 let rate = (to - from) as f64 / passed.as_secs_f64();
                 stage.rate = Some((now, rate));
-                rows.push((name, to, rate));
+                rows.push((stage.recorded.metric, to, rate));
             }
             stage.written = stage.newest;
         }
@@ -194,6 +205,12 @@ impl Throughput {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn throughput(start: Instant) -> Throughput {
+        let text = "[dataset]\npath = \"x\"\n[collect]\n";
+        let config = agents::CONFIGS.parse(text, "x.toml", "x", &[]).unwrap();
+        Throughput::new(&config, 0, start)
+    }
 
     fn status(id: u32, incarnation: u32, steps: u64) -> Status {
         Status {
@@ -208,7 +225,11 @@ mod tests {
     fn steps_of_dead_actors_still_count() {
         let start = Instant::now();
         let at = |ms| start + Duration::from_millis(ms);
-        let mut throughput = Throughput::new(1000, start);
+        let mut throughput = {
+            let mut throughput = throughput(start);
+            (throughput.steps, throughput.written) = (1000, (start, 1000));
+            throughput
+        };
         for i in 0..=10 {
             throughput.on_status(&status(0, 5, 100 * i), at(200 * i));
             throughput.on_status(&status(1, 6, 50 * i), at(200 * i));
@@ -230,7 +251,7 @@ mod tests {
     fn the_rate_of_a_stage_is_that_of_its_metrics_steps() {
         let start = Instant::now();
         let at = |ms| start + Duration::from_millis(ms);
-        let mut throughput = Throughput::new(0, start);
+        let mut throughput = throughput(start);
         throughput.on_metric("low/policy_loss", 100, at(500));
         assert_eq!(throughput.of_learner(at(500)), None);
         throughput.on_metric("low/policy_loss", 300, at(1500));
@@ -249,7 +270,7 @@ mod tests {
     fn messages_that_arrive_at_once_do_not_change_the_rate() {
         let start = Instant::now();
         let at = |us| start + Duration::from_micros(us);
-        let mut throughput = Throughput::new(0, start);
+        let mut throughput = throughput(start);
         for i in 0..=10 {
             throughput.on_status(&status(0, 5, 100 * i), at(200_000 * i));
             throughput.on_metric("low/policy_loss", 100 * i, at(200_000 * i));
@@ -277,7 +298,7 @@ mod tests {
     fn a_suspended_run_keeps_its_rate() {
         let start = Instant::now();
         let at = |ms| start + Duration::from_millis(ms);
-        let mut throughput = Throughput::new(0, start);
+        let mut throughput = throughput(start);
         for i in 0..=5 {
             throughput.on_status(&status(0, 5, 100 * i), at(200 * i));
         }

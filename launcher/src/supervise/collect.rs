@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use config::{Config, Kind};
+use config::Config;
 use durable::{Existing, Output};
 
 use crate::interrupts::Interrupts;
@@ -16,7 +16,7 @@ pub(crate) fn if_missing(
     interrupts: &Interrupts,
 ) -> anyhow::Result<Option<ExitCode>> {
     let missing = !Path::new(&config.dataset.path).exists();
-    if config.run.kind == Kind::Walker || config.collect.is_none() || !missing {
+    if !config.offline || config.collect.is_none() || !missing {
         return Ok(None);
     }
     let path = Path::new(&config.dataset.path);

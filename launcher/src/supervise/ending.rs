@@ -3,7 +3,6 @@
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use config::Kind;
 use report::stages;
 use runs::file;
 use rustix::process::Signal;
@@ -88,17 +87,18 @@ impl Run<'_> {
             "the counts of transitions do not agree; see {}",
             folder.display()
         );
-        if self.config.run.kind == Kind::Offline {
+        if self.config.offline {
             let results: Vec<EpisodeResult> = self.results.iter().flatten().copied().collect();
             let score = score::write(folder, self.config, &results)?;
             let newest = self.metrics.newest();
-            let json = serde_json::to_string_pretty(&stages::json(newest, &self.times))?;
+            let json =
+                serde_json::to_string_pretty(&stages::json(self.config, newest, &self.times))?;
             let table = stages::table(self.config, newest, &self.times);
             file::write(&folder.join("stages.json"), json.as_bytes())?;
             self.progress.print(&table);
             self.progress.print(&score);
             let missed = results.iter().any(|result| result.success == 0);
-            if let Some(weakest) = stages::weakest(newest).filter(|_| missed) {
+            if let Some(weakest) = stages::weakest(self.config, newest).filter(|_| missed) {
                 self.progress.print(&weakest);
             }
         }

@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use anyhow::Context;
 use config::Config;
 use runs::file;
 use runs::folder::RunFolder;
@@ -26,8 +27,9 @@ pub(super) fn host(
     plain: bool,
 ) -> anyhow::Result<ExitCode> {
     let folder = &folder.path;
+    let plan = agents::plan(config).context("the config's algorithm is unknown")?;
     let domain = RunDomain::create()?;
-    let bus = Bus::host(&domain, &limits(config))?;
+    let bus = Bus::host(&domain, &limits(config, &*plan))?;
     // Written now, since all channels exist for actors that attach.
     file::write(&folder.join("domain"), domain.id().as_bytes())?;
     let several = config.topology.max_actors.max(config.topology.actors) > 1;
@@ -38,6 +40,7 @@ pub(super) fn host(
     let mut progress = Progress::new(live.flatten());
     let mut run = Run::new(
         config,
+        &*plan,
         folder,
         (bus, domain.id()),
         saved,

@@ -2,8 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use config::Kind;
-use wire::{Directive, Phase, Role, State, Status};
+use wire::{Directive, GRAPH, Phase, Role, State, Status, Versions};
 
 use super::run::{LEARNERS, Run, rounds_learned};
 
@@ -16,7 +15,7 @@ impl Run<'_> {
                 self.trained = true;
                 self.times.train += lap(&mut self.part_start);
             }
-            Phase::Train if self.config.run.kind == Kind::Walker => return Ok(false),
+            Phase::Train if !self.config.offline => return Ok(false),
             Phase::Train if self.config.run.deterministic => self.next_round()?,
             Phase::Train => {
                 if self.part_start.elapsed().as_secs_f64() >= self.config.rollouts.seconds {
@@ -58,7 +57,7 @@ impl Run<'_> {
             self.status(role)
                 .is_some_and(|status| status.state >= state as u32)
         };
-        done(Role::Learner) && (self.config.run.kind == Kind::Walker || done(Role::GraphBuilder))
+        done(Role::Learner) && (!self.graph || done(Role::GraphBuilder))
     }
 
     /// Starts the next round once the previous one was learned from. After the last one, settles.
@@ -67,13 +66,13 @@ impl Run<'_> {
             self.status(role)
                 .is_some_and(|s| s.round >= self.directive.round)
         };
-        if !learned(Role::Learner) || !learned(Role::GraphBuilder) {
+        if !learned(Role::Learner) || (self.graph && !learned(Role::GraphBuilder)) {
             return Ok(());
         }
         let rollouts = &self.config.rollouts;
         if self.directive.round as usize >= rollouts.rounds {
             // The final graph is not known yet.
-            self.directive.graph_version = 0;
+            self.directive.versions[GRAPH] = 0;
             return self.publish_phase(Phase::Settle);
         }
         self.request(rollouts.episodes);
@@ -87,11 +86,11 @@ impl Run<'_> {
 
     /// Settles the graph first, then the weights on it. Returns whether both are final.
     fn settle(&mut self) -> anyhow::Result<bool> {
-        if self.directive.graph_version == 0 {
+        if self.graph && self.directive.versions[GRAPH] == 0 {
             let settled = State::Settled as u32;
             let builder = self.status(Role::GraphBuilder);
             if let Some(status) = builder.filter(|status| status.state == settled) {
-                self.directive.graph_version = status.versions[2];
+                self.directive.versions[GRAPH] = status.versions[GRAPH];
                 self.publish_phase(Phase::Settle)?;
             }
         }
@@ -100,14 +99,12 @@ impl Run<'_> {
 
     /// Requests episodes with the newest weights and graph.
     fn request(&mut self, episodes: usize) {
-        let [low, high, graph] = self.status(Role::Learner).map_or([0; 3], |s| s.versions);
+        let versions = self.status(Role::Learner).map(|status| status.versions);
         self.directive = Directive {
             phase: self.directive.phase,
             round: self.directive.round,
             episodes: episodes as u32,
-            low_version: low,
-            high_version: high,
-            graph_version: graph,
+            versions: versions.unwrap_or_default(),
             ..Directive::default()
         };
     }
@@ -116,13 +113,8 @@ impl Run<'_> {
         self.request(self.config.evaluation.episodes);
         self.directive.round = 0;
         let Directive {
-            episodes,
-            low_version,
-            high_version,
-            graph_version,
-            ..
+            episodes, versions, ..
         } = self.directive;
-        let versions = [low_version, high_version, graph_version];
         if versions != self.evaluated {
             self.results.fill(None);
             self.evaluated = versions;
@@ -137,10 +129,18 @@ impl Run<'_> {
             _ => format!(", {known} of them known"),
         };
         self.progress.print(&format!(
-            "evaluate: {episodes} episodes with weights {low_version}, {high_version} and graph \
-             {graph_version}{known}"
+            "evaluate: {episodes} episodes with {}{known}",
+            self.named(&versions)
         ));
         self.publish_phase(Phase::Evaluate)
+    }
+
+    /// Versions with the names of their parts.
+    fn named(&self, versions: &Versions) -> String {
+        let networks = self.plan.networks().into_iter().zip(versions);
+        let networks = networks.map(|(network, version)| format!("{} {version}", network.name));
+        let graph = self.graph.then(|| format!("graph {}", versions[GRAPH]));
+        networks.chain(graph).collect::<Vec<_>>().join(", ")
     }
 
     /// In rounds, learner and graph-builder restart together after one of them died, from the last round that
@@ -153,7 +153,7 @@ impl Run<'_> {
             return Ok(false);
         }
         self.directive = Directive {
-            round: rounds_learned(self.config, self.folder),
+            round: rounds_learned(self.config, self.plan, self.folder),
             ..Directive::default()
         };
         self.directives.publish(&self.directive)?;

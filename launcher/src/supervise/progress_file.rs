@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use runs::times::Times;
 use serde::{Deserialize, Serialize};
-use wire::EpisodeResult;
+use wire::{EpisodeResult, Versions};
 
 use super::delivery_audit::DeliveryAudit;
 
@@ -23,8 +23,8 @@ pub(crate) struct RunProgress {
     pub(crate) trained: bool,
     /// Time since the start of the current part (s).
     pub(crate) since: f64,
-    /// Versions of low level, high level and graph of the results.
-    pub(crate) evaluated: [u64; 3],
+    /// Versions of weights and graph of the results.
+    pub(crate) evaluated: Versions,
     /// Results of the evaluation.
     pub(crate) results: Vec<EpisodeResult>,
     /// Whether graph and weights are final, and only the evaluation is left.

@@ -5,9 +5,9 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 use anyhow::{Context, bail, ensure};
-use config::{Change, Config, Faults, Kind, OnResume};
+use config::{Change, Config, Faults, OnResume};
 use runs::folder::{self, RunFolder};
-use runs::inputs::{self, Inputs};
+use runs::inputs::Inputs;
 use runs::{find, latest, read as recorded};
 
 use super::progress_file::{ProgressFile, RunProgress};
@@ -57,7 +57,7 @@ pub(crate) fn open(given: &str, sets: &Sets) -> anyhow::Result<Reopened> {
     let mut progress = ProgressFile::new(&path).load().unwrap_or_default();
     if progress.finished && !asks_for_more(&config, &changes, &progress) {
         let score = path.join("score.json");
-        if config.run.kind == Kind::Walker || score.is_file() {
+        if !config.offline || score.is_file() {
             return Ok(Reopened::Finished(finished(&path, &changes)?));
         }
     }
@@ -114,8 +114,7 @@ fn asks_for_more(config: &Config, changes: &[Change], progress: &RunProgress) ->
     let anew = changes
         .iter()
         .any(|change| change.on_resume == OnResume::Protocol);
-    config.run.kind == Kind::Offline
-        && (anew || config.evaluation.episodes > progress.results.len())
+    config.offline && (anew || config.evaluation.episodes > progress.results.len())
 }
 
 /// The message that a run is finished, with its score.
@@ -163,7 +162,7 @@ fn made_with(path: &Path) -> anyhow::Result<Config> {
 
 /// A config of the run, without checking the files that it names.
 fn read(file: &Path, run: &Path) -> Result<Config, Faults> {
-    Config::load_of_run(file, run, &[], |_| Vec::<(String, String)>::new())
+    agents::CONFIGS.load_of_run(file, run, &[], |_| Vec::<(String, String)>::new())
 }
 
 /// The pairs that override the config, with those for inputs that were moved together with the run, and
@@ -175,15 +174,15 @@ fn with_moved(
     known: &Inputs,
 ) -> (Vec<(String, String)>, Vec<String>) {
     let (mut sets, mut notes) = (sets.to_vec(), vec![]);
-    for (key, input) in inputs::paths(config) {
-        let given = sets.iter().any(|(set, _)| set == key);
+    for (key, input) in config.inputs() {
+        let given = sets.iter().any(|(set, _)| *set == key);
         if given || input.exists() {
             continue;
         }
-        if let Some(there) = known.moved(key, input, path) {
+        if let Some(there) = known.moved(&key, &input, path) {
             let there = there.display().to_string();
             notes.push(format!("{key} moved with the run to {there}"));
-            sets.push((key.to_owned(), there.replace('$', "$$")));
+            sets.push((key, there.replace('$', "$$")));
         }
     }
     (sets, notes)
@@ -197,7 +196,7 @@ fn load(
     further: impl FnOnce(&Config) -> Vec<(String, String)>,
 ) -> Result<Config, Faults> {
     let file = path.join("config.toml");
-    let loaded = Config::load_of_run(&file, path, sets, |config| {
+    let loaded = agents::CONFIGS.load_of_run(&file, path, sets, |config| {
         let changes = config.changes(made).into_iter();
         let fixed = changes.filter(|change| change.on_resume == OnResume::Fixed);
         let mut faults: Vec<(String, String)> = fixed
@@ -232,15 +231,15 @@ fn refused(change: &Change) -> String {
 /// Faults of the files that the run reads.
 fn inputs_faults(config: &Config, known: &Inputs) -> Vec<(String, String)> {
     let mut faults = vec![];
-    for (key, input) in inputs::paths(config) {
+    for (key, input) in config.inputs() {
         let message = match input.exists() {
-            true => known.compare(key, input).err(),
+            true => known.compare(&key, &input).err(),
             false => Some(format!(
                 "there is no '{}' any more; name where it is now, `--set {key}=PATH`",
                 input.display()
             )),
         };
-        faults.extend(message.map(|message| (key.to_owned(), message)));
+        faults.extend(message.map(|message| (key, message)));
     }
     faults
 }

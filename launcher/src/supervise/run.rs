@@ -4,9 +4,12 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use agents::Plan;
 use config::Config;
 use runs::times::Times;
-use wire::{Bus, Directive, DirectivePublisher, EpisodeResult, Phase, ReportReader, Role};
+use wire::{
+    Bus, Directive, DirectivePublisher, EpisodeResult, Phase, ReportReader, Role, Versions,
+};
 
 use super::children::{Children, Failure};
 use super::delivery_audit::DeliveryAudit;
@@ -25,6 +28,9 @@ pub(super) const LEARNERS: [Role; 2] = [Role::GraphBuilder, Role::Learner];
 /// A run under supervision.
 pub(super) struct Run<'c> {
     pub(super) config: &'c Config,
+    pub(super) plan: &'c dyn Plan,
+    /// Whether there is a graph, and a process that builds it.
+    pub(super) graph: bool,
     pub(super) folder: &'c Path,
     pub(super) bus: Bus,
     pub(super) directives: DirectivePublisher,
@@ -45,8 +51,8 @@ pub(super) struct Run<'c> {
     pub(super) finished: bool,
     /// When the current part started.
     pub(super) part_start: Instant,
-    /// Versions of low level, high level and graph of the results.
-    pub(super) evaluated: [u64; 3],
+    /// Versions of weights and graph of the results.
+    pub(super) evaluated: Versions,
     /// Results of the evaluation.
     pub(super) results: Vec<Option<EpisodeResult>>,
     pub(super) times: Times,
@@ -66,6 +72,7 @@ impl<'c> Run<'c> {
     /// A run that continues from its saved progress.
     pub(super) fn new(
         config: &'c Config,
+        plan: &'c dyn Plan,
         folder: &'c Path,
         (bus, domain): (Bus, &str),
         saved: RunProgress,
@@ -75,10 +82,12 @@ impl<'c> Run<'c> {
         let since = Duration::from_secs_f64(saved.since.clamp(0.0, 1e9));
         Ok(Self {
             config,
+            plan,
+            graph: plan.graph().is_some(),
             folder,
             directives: DirectivePublisher::new(&bus)?,
             directive: Directive {
-                round: rounds_learned(config, folder),
+                round: rounds_learned(config, plan, folder),
                 // A final graph must not change again.
                 phase: match saved.settled && !config.run.deterministic {
                     true => Phase::Settle as u32,
@@ -92,7 +101,7 @@ impl<'c> Run<'c> {
             statuses: Statuses::new(),
             results: results(config, &saved),
             audit: saved.audit,
-            throughput: Throughput::new(metrics.steps_before(), Instant::now()),
+            throughput: Throughput::new(config, metrics.steps_before(), Instant::now()),
             metrics,
             progress,
             progress_file: ProgressFile::new(folder),
@@ -125,18 +134,20 @@ fn results(config: &Config, saved: &RunProgress) -> Vec<Option<EpisodeResult>> {
     results
 }
 
-/// Rounds of a deterministic run that both learner and graph-builder can continue from.
-pub(super) fn rounds_learned(config: &Config, folder: &Path) -> u32 {
+/// Rounds of a deterministic run that the graph-builder and all stages that learn from rollouts can
+/// continue from.
+pub(super) fn rounds_learned(config: &Config, plan: &dyn Plan, folder: &Path) -> u32 {
     if !config.run.deterministic {
         return 0;
     }
     let checkpoints = folder.join("checkpoints");
-    let rounds = |name| durable::States::new(&checkpoints, name).rounds();
-    let graph = rounds("graph");
-    if config.high.planner == config::Planner::Search {
-        return graph.first().copied().unwrap_or(0);
-    }
-    let high = rounds("high");
-    let common = graph.iter().filter(|round| high.contains(round)).max();
-    common.copied().unwrap_or(0)
+    let stages = plan.stages().into_iter().filter(|stage| stage.online);
+    let graph = plan.graph().map(|_| "graph");
+    let names = graph.into_iter().chain(stages.map(|stage| stage.name));
+    let rounds = names.map(|name| durable::States::new(&checkpoints, name).rounds());
+    let common = rounds.reduce(|common, rounds| {
+        let both = common.into_iter().filter(|round| rounds.contains(round));
+        both.collect()
+    });
+    common.into_iter().flatten().max().unwrap_or(0)
 }

@@ -2,7 +2,6 @@
 
 use std::time::{Duration, Instant};
 
-use config::Kind;
 use rustix::process::Signal;
 use wire::{Phase, Role};
 
@@ -20,7 +19,7 @@ impl Run<'_> {
     /// Supervises the processes from the first start to the last exit.
     pub(super) fn supervise(&mut self) -> anyhow::Result<()> {
         self.directives.publish(&self.directive)?;
-        if self.config.run.kind == Kind::Offline {
+        if self.graph {
             self.children.start(Role::GraphBuilder, 0, self.config)?;
         }
         self.children.start(Role::Learner, 0, self.config)?;

@@ -21,7 +21,7 @@ use crate::graph_rule::GraphRule;
 use crate::parts::{PARTS, Parts, Versions};
 use crate::policy::{Act, Mode, Policy};
 use crate::stage::{Inputs, Stage, StageError, StageSpec};
-use crate::summary::{Label, Lookup, Summary};
+use crate::summary::{Label, Lookup, Rate, Summary};
 use network::Shape;
 
 /// The algorithm.
@@ -58,7 +58,10 @@ const LABELS: &[Label] = &[Label {
     metric: "gcbc/policy_loss",
     label: "policy loss",
     decimals: 4,
-    rate: "gcbc_updates",
+    rate: Some(Rate {
+        metric: "throughput/gcbc_updates_per_s",
+        unit: "updates",
+    }),
 }];
 
 impl Algorithm for Gcbc {

@@ -1,35 +1,44 @@
 //! What is shown of a run: labels, and what each stage came to.
 
-use crate::summary::{Label, Lookup, Summary, listed};
+use crate::summary::{Label, Lookup, Rate, Summary, listed};
 
-const fn label(
-    metric: &'static str,
-    label: &'static str,
-    decimals: usize,
-    rate: &'static str,
-) -> Label {
+const fn label(metric: &'static str, label: &'static str, decimals: usize) -> Label {
     Label {
         metric,
         label,
         decimals,
-        rate,
+        rate: None,
+    }
+}
+
+const fn with_rate(label: Label, metric: &'static str, unit: &'static str) -> Label {
+    Label {
+        rate: Some(Rate { metric, unit }),
+        ..label
     }
 }
 
 pub(super) const LABELS: &[Label] = &[
-    label("low/policy_loss", "low policy loss", 3, "low_updates"),
-    label("low/value_loss", "low value loss", 4, ""),
-    label("high/value_loss", "high value loss", 4, ""),
-    label("high/entropy_nats", "high entropy (nats)", 2, "high_steps"),
-    label("high/return", "high return", 2, ""),
-    label("high/kl", "high KL (nats)", 4, ""),
-    label(
-        "encoder/reconstruction",
-        "encoder loss",
-        4,
-        "encoder_updates",
+    with_rate(
+        label("low/policy_loss", "low policy loss", 3),
+        "throughput/low_updates_per_s",
+        "updates",
     ),
-    label("encoder/kl_nats", "encoder KL (nats)", 2, ""),
+    label("low/value_loss", "low value loss", 4),
+    label("high/value_loss", "high value loss", 4),
+    with_rate(
+        label("high/entropy_nats", "high entropy (nats)", 2),
+        "throughput/high_steps_per_s",
+        "steps",
+    ),
+    label("high/return", "high return", 2),
+    label("high/kl", "high KL (nats)", 4),
+    with_rate(
+        label("encoder/reconstruction", "encoder loss", 4),
+        "throughput/encoder_updates_per_s",
+        "updates",
+    ),
+    label("encoder/kl_nats", "encoder KL (nats)", 2),
 ];
 
 /// An error of a cell's size (m) says nothing of the place.

@@ -61,7 +61,7 @@ impl Algorithm for Walker {
                 metric,
                 label,
                 decimals: 3,
-                rate: "",
+                rate: None,
             }
         }
         const LABELS: &[Label] = &[

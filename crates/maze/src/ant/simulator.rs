@@ -204,6 +204,7 @@ mod tests {
             Step {
                 reward: 1.0,
                 success: true,
+                terminated: true,
                 fell: false
             }
         );
@@ -220,6 +221,7 @@ mod tests {
             Step {
                 reward: 0.0,
                 success: false,
+                terminated: false,
                 fell: true
             }
         );

@@ -268,15 +268,4 @@ mod tests {
         let summary = EpisodeSummary::of(&trace);
         assert!(summary.path.is_empty() && summary.notes[0].contains("no simulator 'flea'"));
     }
-
-    #[test]
-    fn the_maze_is_read_whatever_else_the_config_says() {
-        let mut trace = Trace::default();
-        assert!(layout(&trace).is_err());
-        trace.meta.config_toml = "[future]\nx = 1\n[maze]\nlayout = \"large\"\nrows = []\n".into();
-        let large = Layout::named("large").unwrap();
-        assert_eq!(layout(&trace).unwrap().boxes(), large.boxes());
-        trace.meta.config_toml = "[maze]\nlayout = \"nowhere\"\n".into();
-        assert!(layout(&trace).is_err());
-    }
 }

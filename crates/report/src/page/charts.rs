@@ -9,8 +9,6 @@ use runs::seeds::SeedGroup;
 use super::html::{Layout, absent, figure};
 use crate::curves::{SCORE, chart};
 
-/// Prefixes of the metrics of training.
-const TRAINING: [&str; 4] = ["encoder/", "low/", "high/", "walker/"];
 /// Maximum number of charts of training, since a file can have any number of metrics.
 const CHARTS: usize = 36;
 
@@ -32,6 +30,22 @@ const MACHINERY: [(&str, &str, &str, &str, &str); 2] = [
          behind the newest ones when they were learned from.",
     ),
 ];
+
+/// Prefixes of the metrics of training, in the order of each algorithm's stages.
+fn areas() -> Vec<String> {
+    let mut areas = vec![];
+    for algorithm in agents::ALGORITHMS {
+        let labels = algorithm.labels();
+        for stage in algorithm.summary(&|_| None, &|_| None) {
+            let area = format!("{}/", stage.name);
+            let known = labels.iter().any(|label| label.metric.starts_with(&area));
+            if known && !areas.contains(&area) {
+                areas.push(area);
+            }
+        }
+    }
+    areas
+}
 
 /// Most rows of a metric in any run.
 fn rows(groups: &[SeedGroup], metric: &str) -> usize {
@@ -92,10 +106,11 @@ pub(super) fn machinery(groups: &[SeedGroup]) -> String {
 
 /// Small charts of losses and other metrics of training.
 pub(super) fn training(groups: &[SeedGroup]) -> String {
+    let areas = areas();
     let runs = groups.iter().flat_map(|group| &group.runs);
     let names: BTreeSet<&str> = runs
         .flat_map(|run| run.metrics.keys().map(String::as_str))
-        .filter(|name| TRAINING.iter().any(|area| name.starts_with(area)))
+        .filter(|name| areas.iter().any(|area| name.starts_with(area)))
         // Two values are not a curve.
         .filter(|name| rows(groups, name) > 2)
         .collect();
@@ -103,7 +118,7 @@ pub(super) fn training(groups: &[SeedGroup]) -> String {
         return absent("Nothing was trained yet: no losses in metrics.csv.");
     }
     // In the order of the stages.
-    let ordered = TRAINING.iter().flat_map(|area| {
+    let ordered = areas.iter().flat_map(|area| {
         let names = names.iter().copied();
         names.filter(move |name| name.starts_with(area))
     });

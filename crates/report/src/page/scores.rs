@@ -37,7 +37,7 @@ pub(super) fn title(groups: &[SeedGroup]) -> String {
 
 /// Hash of the config of a run without a score; empty if this version cannot read it.
 fn hash(run: &Recorded) -> String {
-    let config = config::Config::of_run(&run.folder);
+    let config = agents::CONFIGS.of_run(&run.folder);
     config.map_or(String::new(), |config| config.hash())
 }
 

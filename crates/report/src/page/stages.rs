@@ -13,7 +13,7 @@ use runs::times::Times;
 use serde::Deserialize;
 
 use super::html::{Column, Layout, Row, absent, figure, folded, table};
-use crate::stages::{Choices, Stage, stages};
+use crate::stages::{Stage, stages};
 
 /// Number of runs whose tables are open.
 const OPEN: usize = 1;
@@ -70,7 +70,7 @@ pub(super) fn section(groups: &[SeedGroup]) -> anyhow::Result<String> {
             continue;
         };
         let times = written.seconds.times();
-        let all = stages(&Choices::recorded(&run.config), &written.metrics, &times);
+        let all = stages(&run.config, &written.metrics, &times);
         let rows = all.iter().map(|stage| Row {
             head: stage.name.to_owned(),
             cells: vec![seconds(stage.seconds), stage.text.clone()],
@@ -99,8 +99,7 @@ pub(super) fn section(groups: &[SeedGroup]) -> anyhow::Result<String> {
             _ => ", of the first run",
         };
         let caption = format!(
-            "Time that the parts of a run took{of}. Low and high level are trained beside each \
-             other."
+            "Time that the parts of a run took{of}. Some stages are trained beside each other."
         );
         body += &figure("times", Layout::One, &pictures, &caption);
     }
@@ -119,22 +118,14 @@ fn seconds(seconds: Option<f64>) -> String {
 
 /// The parts of a run with their times, in order.
 fn parts(stages: &[Stage], times: &Times) -> Vec<(&'static str, f64)> {
-    let stage = |name: &str| {
-        let found = stages.iter().find(|stage| stage.name == name);
-        found.and_then(|stage| stage.seconds)
-    };
-    [
-        ("collecting data", Some(times.collect.as_secs_f64())),
-        ("encoder", stage("encoder")),
-        ("graph", stage("graph")),
-        ("low level", stage("low")),
-        ("high level", stage("high")),
-        ("last rollouts", Some(times.rollouts.as_secs_f64())),
-        ("evaluation", Some(times.evaluate.as_secs_f64())),
-    ]
-    .into_iter()
-    .filter_map(|(name, seconds)| Some((name, seconds?)))
-    .collect()
+    let own = stages.iter().filter(|stage| stage.own);
+    let own = own.filter_map(|stage| Some((stage.title, stage.seconds?)));
+    let first = ("collecting data", times.collect.as_secs_f64());
+    let last = [
+        ("last rollouts", times.rollouts.as_secs_f64()),
+        ("evaluation", times.evaluate.as_secs_f64()),
+    ];
+    std::iter::once(first).chain(own).chain(last).collect()
 }
 
 /// Sizes of a chart for phones (px).

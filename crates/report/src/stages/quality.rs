@@ -2,37 +2,24 @@
 
 use std::collections::BTreeMap;
 
-use maze::CELL_SIZE;
+use config::Config;
 use plot::number::fixed;
 use runs::metrics::Newest;
 use runs::times::Times;
 
+use super::summary;
+
 /// Quality of each stage from 0 to 1, as far as it was measured.
-fn qualities(newest: &Newest) -> Vec<(&'static str, f64)> {
-    let get = |name: &str| newest.get(name).copied();
-    let walls = get("graph/edges_through_walls")
-        .zip(get("graph/edges").filter(|edges| *edges > 0.0))
-        .map(|(walls, edges)| 1.0 - walls / edges);
-    let graph = [get("graph/connected_share"), get("graph/coverage"), walls];
-    [
-        // An error of the size of a cell means that positions are lost.
-        (
-            "encoder",
-            get("encoder/place_error_m").map(|error| 1.0 - error / f64::from(CELL_SIZE)),
-        ),
-        ("graph", graph.into_iter().flatten().reduce(f64::min)),
-        ("low", get("graph/edge_success")),
-        ("high", get("high/greedy_arrived")),
-    ]
-    .into_iter()
-    .filter_map(|(stage, quality)| Some((stage, quality?.clamp(0.0, 1.0))))
-    .filter(|(_, quality)| !quality.is_nan())
-    .collect()
+fn qualities(config: &Config, newest: &Newest) -> Vec<(&'static str, f64)> {
+    let stages = summary(&config.values(), newest).into_iter();
+    stages
+        .filter_map(|stage| Some((stage.name, stage.quality?.clamp(0.0, 1.0))))
+        .collect()
 }
 
 /// A sentence about the stage of the lowest quality; `None` if nothing was measured, or all is well.
-pub fn weakest(newest: &Newest) -> Option<String> {
-    let qualities = qualities(newest);
+pub fn weakest(config: &Config, newest: &Newest) -> Option<String> {
+    let qualities = qualities(config, newest);
     let (stage, quality) = qualities.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
     let percent = fixed(100.0 * quality, 0).filter(|_| *quality < 0.995)?;
     Some(format!(
@@ -41,7 +28,7 @@ pub fn weakest(newest: &Newest) -> Option<String> {
 }
 
 /// `stages.json`.
-pub fn json(newest: &Newest, times: &Times) -> serde_json::Value {
+pub fn json(config: &Config, newest: &Newest, times: &Times) -> serde_json::Value {
     serde_json::json!({
         "seconds": {
             "collect": times.collect.as_secs_f64(),
@@ -49,7 +36,7 @@ pub fn json(newest: &Newest, times: &Times) -> serde_json::Value {
             "rollouts": times.rollouts.as_secs_f64(),
             "evaluate": times.evaluate.as_secs_f64(),
         },
-        "quality": qualities(newest).into_iter().collect::<BTreeMap<_, _>>(),
+        "quality": qualities(config, newest).into_iter().collect::<BTreeMap<_, _>>(),
         "metrics": newest,
     })
 }
@@ -60,6 +47,9 @@ mod tests {
 
     #[test]
     fn the_weakest_stage_is_named_with_its_quality() {
+        let text = "[dataset]\npath = \"x\"\n[collect]\n";
+        let config = agents::CONFIGS.parse(text, "x.toml", "x", &[]).unwrap();
+        let weakest = |newest: &Newest| weakest(&config, newest);
         let mut newest = Newest::new();
         assert_eq!(weakest(&newest), None, "nothing was measured");
         newest.insert("graph/coverage".to_owned(), 1.0);
@@ -75,7 +65,7 @@ mod tests {
         newest.insert("encoder/place_error_m".to_owned(), 0.1);
         let text = weakest(&newest).unwrap();
         assert!(text.contains("stage is low, at 34% of"), "{text}");
-        let quality = &json(&newest, &Times::default())["quality"];
+        let quality = &json(&config, &newest, &Times::default())["quality"];
         assert_eq!(quality["low"], 0.337);
         assert!(quality.get("high").is_none());
     }

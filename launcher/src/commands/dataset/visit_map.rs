@@ -96,16 +96,18 @@ fn visits(data: &Dataset, layout: &Layout) -> Vec<Vec<usize>> {
 
 #[cfg(test)]
 mod tests {
+    use ::dataset::Shape;
+
     use super::*;
 
     /// One episode through these positions.
     fn along(places: &[[f32; 2]]) -> Dataset {
-        let mut data = Dataset::default();
+        let mut data = Dataset::new(Shape::ant());
         for [x, y] in places {
-            let mut observation = [0.0; ::dataset::OBSERVATION];
+            let mut observation = [0.0; 29];
             (observation[0], observation[1]) = (*x, *y);
             data.observations.extend(observation);
-            data.actions.extend([0.0; ::dataset::ACTION]);
+            data.actions.extend([0.0; 8]);
             data.rewards.push(0.0);
             data.terminals.push(false);
         }

@@ -5,7 +5,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use config::{Config, Kind};
+use agents::{Algorithm, Label};
+use config::Config;
 use maze::Layout;
 use wire::{MAX_ACTORS, Phase, Role, Status};
 
@@ -26,24 +27,21 @@ const SHOWN_LINES: usize = 8;
 /// Test episodes per score.
 const TESTS: usize = 20;
 
-/// Metrics to show, the most important first: name, label, decimals.
-const METRICS: [(&str, &str, usize); 15] = [
-    ("rollout/score", "test score, last 20", 0),
-    ("rollout/policy_lag", "policy lag", 1),
-    (throughput::STEPS, "steps a second", 0),
-    ("low/policy_loss", "low policy loss", 3),
-    ("low/value_loss", "low value loss", 4),
-    ("high/value_loss", "high value loss", 4),
-    ("high/entropy_nats", "high entropy (nats)", 2),
-    ("high/return", "high return", 2),
-    ("high/kl", "high KL (nats)", 4),
-    ("encoder/reconstruction", "encoder loss", 4),
-    ("encoder/kl_nats", "encoder KL (nats)", 2),
-    ("walker/speed_m_s", "walker speed (m/s)", 2),
-    ("walker/reward", "walker reward", 3),
-    ("walker/value_loss", "walker value loss", 4),
-    ("walker/kl", "walker KL (nats)", 4),
+/// Metrics of every run to show, the most important first.
+const METRICS: [Label; 3] = [
+    label("rollout/score", "test score, last 20", 0),
+    label("rollout/policy_lag", "policy lag", 1),
+    label(throughput::STEPS, "steps a second", 0),
 ];
+
+const fn label(metric: &'static str, label: &'static str, decimals: usize) -> Label {
+    Label {
+        metric,
+        label,
+        decimals,
+        rate: None,
+    }
+}
 
 /// What the view shows of a run beyond its present state.
 pub(super) struct LiveState {
@@ -52,6 +50,8 @@ pub(super) struct LiveState {
     pub(super) phases: &'static [Phase],
     pub(super) outline: Arc<MazeOutline>,
     pub(super) colour: bool,
+    /// Metrics to show, the most important first.
+    pub(super) labels: Vec<Label>,
     pub(super) histories: BTreeMap<&'static str, VecDeque<f64>>,
     /// By actor.
     pub(super) trails: BTreeMap<u32, VecDeque<[f32; 2]>>,
@@ -63,10 +63,15 @@ impl LiveState {
         Self {
             run: folder.display().to_string(),
             config: config.hash(),
-            phases: match config.run.kind {
-                Kind::Offline => &[Phase::Train, Phase::Settle, Phase::Evaluate, Phase::Finish],
-                Kind::Walker => &[Phase::Train, Phase::Finish],
+            phases: match config.offline {
+                true => &[Phase::Train, Phase::Settle, Phase::Evaluate, Phase::Finish],
+                false => &[Phase::Train, Phase::Finish],
             },
+            labels: METRICS
+                .iter()
+                .chain(agents::find(&config.run.algorithm).map_or(&[][..], Algorithm::labels))
+                .copied()
+                .collect(),
             outline: Arc::new(MazeOutline::new(layout)),
             colour: terminal::has_colour(),
             histories: BTreeMap::new(),
@@ -91,9 +96,13 @@ impl LiveState {
     }
 
     pub(super) fn on_metric(&mut self, name: &str, value: f64) {
-        let shown = METRICS.iter().find(|(shown, ..)| *shown == name);
-        if let Some((name, ..)) = shown.filter(|_| value.is_finite()) {
-            keep(self.histories.entry(*name).or_default(), value, HISTORY);
+        let shown = self.labels.iter().find(|label| label.metric == name);
+        if let Some(label) = shown.filter(|_| value.is_finite()) {
+            keep(
+                self.histories.entry(label.metric).or_default(),
+                value,
+                HISTORY,
+            );
         }
     }
 
@@ -136,7 +145,13 @@ impl LiveState {
 
     fn metrics(&self, scene: &Scene) -> Vec<Metric> {
         let mut metrics = vec![];
-        for (name, label, decimals) in METRICS {
+        for Label {
+            metric: name,
+            label,
+            decimals,
+            ..
+        } in self.labels.iter().copied()
+        {
             let history: Vec<f64> = match self.histories.get(name) {
                 Some(history) => history.iter().copied().collect(),
                 // From an earlier launcher of the run.

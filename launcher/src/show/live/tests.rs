@@ -1,6 +1,6 @@
 //! Frames, drawn to a buffer and read.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ratatui::Terminal;
@@ -237,16 +237,16 @@ fn without_colours_all_is_plain() {
 
 /// The state of a run in umaze.
 fn state() -> LiveState {
+    let layout = Layout::named("umaze").unwrap();
     LiveState {
-        run: "runs/small".to_owned(),
-        config: String::new(),
-        phases: &[Phase::Train],
-        outline: Arc::new(MazeOutline::new(&Layout::named("umaze").unwrap())),
         colour: true,
-        histories: BTreeMap::new(),
-        trails: BTreeMap::new(),
-        lines: VecDeque::new(),
+        ..LiveState::new(&config(), Path::new("runs/small"), &layout)
     }
+}
+
+fn config() -> Config {
+    let text = "[dataset]\npath = \"x\"\n[collect]\n";
+    agents::CONFIGS.parse(text, "x.toml", "x", &[]).unwrap()
 }
 
 fn actor(id: u32, place: [f32; 2]) -> Status {
@@ -297,7 +297,7 @@ fn a_view_has_history_and_attached_actors() {
     attached.state = State::Working as u32;
     attached.set_text("hops\x1b[2J");
     let statuses = BTreeMap::from([((Role::Actor, 5), (attached, now))]);
-    let throughput = Throughput::new(0, now);
+    let throughput = Throughput::new(&config(), 0, now);
     let scene = Scene {
         phase: Phase::Train,
         seconds: 7.5,

@@ -1,21 +1,29 @@
-//! Whole run files.
+//! Whole run files, with the tables of the default algorithm.
+#![allow(clippy::unwrap_used, clippy::panic, clippy::expect_used)]
 
 mod messages;
 mod random;
+mod resume;
 
 use proptest::prelude::*;
 
-use crate::{Config, Fault, Faults};
+use agents::CONFIGS;
+use agents::lg_h_ppo::Settings;
+use config::{Config, Fault, Faults};
+
+fn settings(config: &Config) -> &Settings {
+    config.settings.get().unwrap()
+}
 
 fn parse(text: &str) -> Result<Config, Faults> {
-    Config::parse(text, "x.toml", "x", &[])
+    CONFIGS.parse(text, "x.toml", "x", &[])
 }
 
 const GOOD: &str = "[run]\nseed = 3\n[dataset]\npath = \"data/none.hdf5\"\n[collect]\n";
 
 #[test]
 fn every_fault_is_named_at_once_with_its_line() {
-    let text = "[run]\nsead = 3\nkind = \"ofline\"\n[maze]\nlayout = 7\n[topologie]\n\
+    let text = "[run]\nsead = 3\nalgorithm = \"lg-hppo\"\n[maze]\nlayout = 7\n[topologie]\n\
                 [graph]\nnodes = 1\n[high]\nhorizon = 1\nenvironments = 2\n";
     let faults = parse(text).unwrap_err();
     let told = faults.to_string();
@@ -25,7 +33,7 @@ fn every_fault_is_named_at_once_with_its_line() {
         [
             "x.toml:1: dataset.path: missing; name a D4RL HDF5 file, a Minari folder or an OGBench npz",
             "x.toml:2: run.sead: unknown key; did you mean 'seed'?",
-            "x.toml:3: run.kind: unknown word; did you mean 'offline'?",
+            "x.toml:3: run.algorithm: unknown word; did you mean 'lg-h-ppo'?",
             "x.toml:5: maze.layout: expected a text in quotes, found the whole number 7",
             "x.toml:6: topologie: unknown table; did you mean 'topology'?",
             "x.toml:8: graph.nodes: 1 is out of range; 2 to 4096 are possible",
@@ -51,7 +59,7 @@ fn missing_data_are_named_unless_they_can_be_made() {
 fn stages_may_be_taken_from_files_and_cells_left_out() {
     let set = |key: &str, value: &str| {
         let sets = [(key.to_owned(), value.to_owned())];
-        Config::parse(GOOD, "x.toml", "x", &sets)
+        CONFIGS.parse(GOOD, "x.toml", "x", &sets)
     };
     let config = set("dataset.leave_out", "[[5, 8], [6, 8]]").unwrap();
     assert!(config.dataset.leaves_out(Some((6, 8))));
@@ -83,7 +91,8 @@ fn stages_may_be_taken_from_files_and_cells_left_out() {
         let faults = set(key, value).unwrap_err();
         assert_eq!(faults.to_string(), format!("--set {key}: {told}"));
     }
-    let places = set("encoder.kind", "place").unwrap().encoder;
+    let places = set("encoder.kind", "place").unwrap();
+    let places = &settings(&places).encoder;
     assert_eq!((places.latent, places.hidden.len()), (2, 0));
 }
 
@@ -102,7 +111,7 @@ fn syntax_errors_have_a_line() {
 fn set_goes_over_the_file_and_is_checked_alike() {
     let set = |key: &str, value: &str| {
         let sets = [(key.to_owned(), value.to_owned())];
-        Config::parse(GOOD, "x.toml", "x", &sets)
+        CONFIGS.parse(GOOD, "x.toml", "x", &sets)
     };
     assert_eq!(set("run.seed", "9").unwrap().run.seed, 9);
     assert_eq!(set("maze.layout", "large").unwrap().maze.layout, "large");
@@ -114,7 +123,9 @@ fn set_goes_over_the_file_and_is_checked_alike() {
 #[test]
 fn the_resolved_file_reads_back_as_the_same_config() {
     let config = parse(GOOD).unwrap();
-    let again = Config::parse(config.resolved(), "x.toml", "other", &[]).unwrap();
+    let again = CONFIGS
+        .parse(config.resolved(), "x.toml", "other", &[])
+        .unwrap();
     assert_eq!(config, again);
     assert_eq!(config.hash(), again.hash());
     assert_ne!(
@@ -124,7 +135,7 @@ fn the_resolved_file_reads_back_as_the_same_config() {
     // Where its files lie makes no other run of it.
     let set = |path: &str| {
         let sets = [("dataset.path".to_owned(), path.to_owned())];
-        Config::parse(GOOD, "x.toml", "x", &sets).unwrap()
+        CONFIGS.parse(GOOD, "x.toml", "x", &sets).unwrap()
     };
     let (here, there) = (set("a/x.hdf5"), set("/b/x.hdf5"));
     assert_ne!(here.resolved(), there.resolved());
@@ -141,7 +152,9 @@ fn the_shipped_configs_are_right() {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_some_and(|e| e == "toml") {
-            Config::load(&path, &[]).unwrap_or_else(|faults| panic!("{faults}"));
+            CONFIGS
+                .load(&path, &[])
+                .unwrap_or_else(|faults| panic!("{faults}"));
             seen += 1;
         }
     }

@@ -1,7 +1,9 @@
 //! What the user reads of a file with a fault: each fault once, with its line.
 
-use super::{GOOD, parse};
-use crate::Config;
+use agents::CONFIGS;
+use config::{Config, Paths};
+
+use super::{GOOD, parse, settings};
 
 /// What makes the rest of a file sound.
 const REST: &str = "[dataset]\npath = \"x\"\n[collect]\n";
@@ -15,7 +17,7 @@ fn told(text: &str) -> String {
 
 fn told_of_set(key: &str, value: &str) -> String {
     let sets = [(key.to_owned(), value.to_owned())];
-    match Config::parse(GOOD, "x.toml", "x", &sets) {
+    match CONFIGS.parse(GOOD, "x.toml", "x", &sets) {
         Ok(_) => "no fault".to_owned(),
         Err(faults) => faults.to_string(),
     }
@@ -85,6 +87,29 @@ fn an_encoder_without_its_null_token_is_refused() {
 }
 
 #[test]
+fn the_key_of_an_earlier_version_says_what_to_write() {
+    let message = told(&format!("run.kind = \"offline\"\n{REST}"));
+    assert!(
+        message.starts_with("x.toml:1: run.kind: was replaced in version 0.2: write algorithm"),
+        "{message}"
+    );
+    assert_eq!(message.lines().count(), 1);
+}
+
+#[test]
+fn each_algorithm_has_tables_of_its_own() {
+    let of = |lines: &str| told(&format!("[run]\nalgorithm = \"gcbc\"\n{lines}{REST}"));
+    assert_eq!(of("[gcbc]\nupdates = 5\n"), "no fault");
+    assert_eq!(
+        of("[low]\nupdates = 5\n"),
+        "no fault",
+        "of another algorithm"
+    );
+    let message = of("[gcbc]\nupdate = 5\n");
+    assert!(message.contains("gcbc.update: unknown key"), "{message}");
+}
+
+#[test]
 fn a_whole_number_may_be_written_with_an_exponent() {
     for line in [
         "low.updates = 1e4",
@@ -92,7 +117,7 @@ fn a_whole_number_may_be_written_with_an_exponent() {
         "low.updates = 10000.0",
     ] {
         let config = parse(&format!("{line}\n{REST}")).unwrap();
-        assert_eq!(config.low.updates, 10_000, "{line}");
+        assert_eq!(settings(&config).low.updates, 10_000, "{line}");
         assert!(config.resolved().contains("updates = 10000\n"));
     }
     assert_eq!(told_of_set("low.updates", "1e4"), "no fault");
@@ -265,7 +290,7 @@ fn other_formats_are_called_by_their_names() {
 fn a_text_key_takes_what_is_given_on_the_command_line() {
     for name in ["2024-05-01", "true", "1.10", "1e6", "07", "12"] {
         let sets = [("run.name".to_owned(), name.to_owned())];
-        let config = Config::parse(GOOD, "x.toml", "x", &sets).unwrap();
+        let config = CONFIGS.parse(GOOD, "x.toml", "x", &sets).unwrap();
         assert_eq!(config.run.name, name);
     }
     for (key, value, message) in [
@@ -291,7 +316,7 @@ fn a_text_key_takes_what_is_given_on_the_command_line() {
 
 #[test]
 fn a_name_is_the_file_s_or_a_fault() {
-    let of_file = |stem: &str| Config::parse(GOOD, "x.toml", stem, &[]);
+    let of_file = |stem: &str| CONFIGS.parse(GOOD, "x.toml", stem, &[]);
     assert_eq!(of_file("my config (1)").unwrap().run.name, "my-config-1");
     for stem in ["latest", "---", ""] {
         let told = of_file(stem).unwrap_err().to_string();
@@ -321,8 +346,10 @@ fn nesting_and_length_have_bounds() {
 #[test]
 fn what_further_checks_say_of_a_value_is_shown_harmless() {
     let further = |_: &Config| vec![("maze.rows", "the cell '\r\u{1b}'".to_owned())];
-    let paths = crate::Paths::default();
-    let faults = Config::parse_with(GOOD, "x.toml", "x", &[], paths, further).unwrap_err();
+    let paths = Paths::default();
+    let faults = CONFIGS
+        .parse_with(GOOD, "x.toml", "x", &[], paths, further)
+        .unwrap_err();
     assert_eq!(
         faults.to_string(),
         "x.toml:1: maze.rows: the cell '\\r\\u{1b}'"

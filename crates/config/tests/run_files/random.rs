@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 
-use crate::Config;
+use agents::CONFIGS;
+use config::Config;
 
 /// A key with a sound value of it, as TOML.
 fn line() -> impl Strategy<Value = String> {
@@ -64,20 +65,20 @@ proptest! {
         let unique: std::collections::BTreeMap<String, String> =
             lines.values().map(|line| (key(line), line.clone())).collect();
         let mut text = unique.values().cloned().collect::<Vec<_>>().join("\n");
-        text.push_str(if walker { "\nrun.kind = \"walker\"\n" } else { "\n" });
+        text.push_str(if walker { "\nrun.algorithm = \"walker\"\n" } else { "\n" });
         if !unique.contains_key("dataset.path") {
             text.push_str("dataset.path = \"x\"\n");
         }
         if !unique.contains_key("collect.noise") {
             text.push_str("[collect]\n");
         }
-        let Ok(config) = Config::parse(&text, "x.toml", "x", &[]) else {
+        let Ok(config) = CONFIGS.parse(&text, "x.toml", "x", &[]) else {
             // A path may begin with what is filled in and not set.
             return Err(TestCaseError::fail(format!(
-                "{text}\n{}", Config::parse(&text, "x.toml", "x", &[]).unwrap_err()
+                "{text}\n{}", CONFIGS.parse(&text, "x.toml", "x", &[]).unwrap_err()
             )));
         };
-        let again = Config::parse(config.resolved(), "y.toml", "y", &[]);
+        let again = CONFIGS.parse(config.resolved(), "y.toml", "y", &[]);
         prop_assert_eq!(again.as_ref().map(Config::resolved), Ok(config.resolved()));
         prop_assert_eq!(again.unwrap(), config);
     }
