@@ -1,12 +1,18 @@
 //! The ant's body, as D4RL's `ant.xml` gives it.
 
 mod body;
+mod egocentric;
+mod mirror;
 mod simulator;
+mod world;
 
 use std::f32::consts::{FRAC_1_SQRT_2, PI};
 
 pub use body::AntBody;
+pub use egocentric::{EGOCENTRIC, Egocentric};
+pub use mirror::{mirrored, mirrored_action};
 pub use simulator::AntSimulator;
+pub use world::{AntMaze, Physics, Start, State};
 
 /// Torque of a full action (N m).
 pub const MAX_TORQUE: f32 = 30.0;

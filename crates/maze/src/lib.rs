@@ -10,26 +10,21 @@
 mod ant;
 mod arena;
 mod bytes;
-mod egocentric;
 mod layout;
-mod mirror;
 mod point;
 mod route;
 mod task;
 mod teleport;
 mod turn;
-mod world;
 
 pub use ant::{
-    ANKLE_SIGN, AntBody, AntSimulator, JOINT_OF_ACTUATOR, JOINT_RANGES, LEG_DIRECTIONS, MAX_TORQUE,
+    ANKLE_SIGN, AntBody, AntMaze, AntSimulator, EGOCENTRIC, Egocentric, JOINT_OF_ACTUATOR,
+    JOINT_RANGES, LEG_DIRECTIONS, MAX_TORQUE, Physics, Start, State, mirrored, mirrored_action,
 };
-pub use egocentric::{EGOCENTRIC, Egocentric};
 pub use layout::{CELL_SIZE, Cell, Layout, LayoutError, WALL_HEIGHT};
-pub use mirror::{mirrored, mirrored_action};
 pub use point::{PointBody, PointSimulator};
 pub use route::Route;
 pub use task::{SUCCESS_RADIUS, Style, Task, evaluation_task, random_task};
-pub use world::{AntMaze, Physics, Start, State};
 
 /// Width of the ant's observation: 15 positions, then 14 velocities, in D4RL's order.
 pub const OBSERVATION: usize = 29;

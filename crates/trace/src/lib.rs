@@ -49,6 +49,8 @@ mod scene;
 #[cfg(feature = "live")]
 mod serve;
 mod still;
+#[cfg(test)]
+mod tests;
 mod topic;
 mod write;
 

@@ -329,7 +329,3 @@ pub fn read_whole(path: &Path) -> Result<Trace, TraceError> {
         None => Ok(trace),
     }
 }
-
-#[cfg(test)]
-#[path = "tests.rs"]
-pub(crate) mod tests;

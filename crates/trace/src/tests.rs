@@ -1,153 +1,21 @@
+//! Whole traces: written, read, recovered.
+
+pub(crate) mod made;
+mod recorder;
+
 use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 
 use durable::{Existing, OutputError};
 use maze::AntBody;
-use simulator::{Body, Spaces};
+use simulator::Spaces;
 
-use super::*;
 use crate::{
-    Behind, ChoiceRecord, EndRecord, Episode, EpisodeWriter, OutcomeRecord, Recorder, Scene,
-    StateRecord, StepRecord, Still, recover,
+    EndRecord, EpisodeMeta, EpisodeWriter, Outcome, Scene, StateRecord, StepRecord, Still,
+    TraceError, read, read_bytes, read_whole, recover,
 };
-
-fn still() -> Arc<Still> {
-    let scene = Scene {
-        walls: vec![[0.0, 0.0, 2.0, 2.0]],
-        nodes: vec![[1.0, 1.0], [2.0, 2.0]],
-        // The second names a node that does not exist.
-        edges: vec![(0, 1), (0, 9)],
-        ..Scene::default()
-    };
-    Arc::new(Still::new(scene.with_body(&AntBody)))
-}
-
-fn meta() -> EpisodeMeta {
-    EpisodeMeta {
-        version: "0.1.0".to_owned(),
-        run: "test".to_owned(),
-        config_hash: "c0ffee".to_owned(),
-        config_toml: "[run]\n".to_owned(),
-        purpose: "evaluation".to_owned(),
-        actor: 1,
-        episode_index: 7,
-        seed: 3,
-        maze: "u".to_owned(),
-        start: [0.5, -0.25],
-        goal: [20.5, 0.1],
-        simulator: "ant".to_owned(),
-        spaces: Some(AntBody.spaces()),
-        versions: [("low", 4), ("high", 5), ("graph", 6)]
-            .map(|(name, version)| (name.to_owned(), version))
-            .into(),
-        success_radius: 0.5,
-    }
-}
-
-/// A generator's digits: an episode does not compress like a constant.
-fn noise(step: u32, i: u32) -> f32 {
-    ((step * 131 + i).wrapping_mul(2_654_435_761) >> 8) as f32 * 1e-7
-}
-
-fn numbers(step: u32, from: u32, len: u32) -> Vec<f32> {
-    (from..from + len).map(|i| noise(step, i)).collect()
-}
-
-fn start() -> Option<Vec<u8>> {
-    Some((0..124).collect())
-}
-
-fn state(step: u32) -> StateRecord {
-    StateRecord {
-        observation: numbers(step, 0, 29),
-        observation_bytes: vec![],
-        poses: (0..9)
-            .map(|body| std::array::from_fn(|i| noise(step, 40 + 7 * body + i as u32)))
-            .collect(),
-    }
-}
-
-fn record(step: u32) -> StepRecord {
-    StepRecord {
-        step,
-        reward: f32::from(u8::from(step % 10 == 9)),
-        node: 0,
-        subgoal_node: (step / 20) as i32 - 1,
-        state: state(step),
-        action: numbers(step, 29, 8),
-        subgoal: Some([2.0, 2.0]),
-    }
-}
-
-/// A choice at each tenth step, which ends at the next one.
-fn choice(step: u32) -> ChoiceRecord {
-    ChoiceRecord {
-        step,
-        node: 0,
-        goal_node: 1,
-        subgoal_node: 1,
-        value: step as f32 / 2.0,
-        neighbours: vec![1],
-        probabilities: vec![0.75],
-    }
-}
-
-fn outcome(step: u32) -> OutcomeRecord {
-    OutcomeRecord {
-        step,
-        node: 0,
-        subgoal_node: 1,
-        reached: step % 20 == 10,
-    }
-}
-
-fn end(steps: u32) -> EndRecord {
-    EndRecord {
-        success: true,
-        fell: false,
-        state: state(steps),
-    }
-}
-
-/// A whole episode's bytes, a chunk for each five steps.
-pub(crate) fn episode_bytes(steps: u32) -> Vec<u8> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("episode.mcap");
-    let mut writer =
-        EpisodeWriter::begin(&path, part_of(&path), &meta(), still(), start()).unwrap();
-    for step in 0..steps {
-        if step % 10 == 0 {
-            if step > 0 {
-                writer.outcome(&outcome(step)).unwrap();
-            }
-            writer.choice(choice(step)).unwrap();
-        }
-        writer.step(&record(step)).unwrap();
-        if step % 5 == 4 {
-            writer.flush().unwrap();
-        }
-    }
-    fs::read(writer.end(&end(steps)).unwrap()).unwrap()
-}
-
-fn part_of(path: &Path) -> PathBuf {
-    path.with_extension("mcap.part")
-}
-
-fn write(path: &Path, steps: u32) -> EpisodeWriter {
-    let mut writer = EpisodeWriter::begin(path, part_of(path), &meta(), still(), start()).unwrap();
-    for step in 0..steps {
-        if step % 10 == 0 {
-            if step > 0 {
-                writer.outcome(&outcome(step)).unwrap();
-            }
-            writer.choice(choice(step)).unwrap();
-        }
-        writer.step(&record(step)).unwrap();
-    }
-    writer
-}
+use made::*;
 
 fn outcome_of(steps: u32) -> Outcome {
     Outcome {
@@ -457,89 +325,4 @@ fn damage_is_an_error_never_a_panic() {
     assert!(caught > 390, "{caught} of 400");
     fs::write(&damaged, vec![0xff; 4096]).unwrap();
     assert!(read(&damaged).is_err());
-}
-
-fn episode(path: PathBuf) -> Episode {
-    Episode {
-        part: part_of(&path),
-        path,
-        meta: meta(),
-        still: still(),
-        state: start(),
-    }
-}
-
-#[test]
-fn a_recorder_writes_what_a_writer_does() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name);
-    let mut recorder = Recorder::new(&AntBody.spaces(), |text| panic!("{text}")).unwrap();
-    for name in ["a.mcap", "given-up.mcap", "b.mcap", "broken.mcap"] {
-        recorder.begin(episode(path(name)), Behind::Wait);
-        assert!(recorder.is_open());
-        for step in 0..20 {
-            if step == 0 {
-                recorder.choice(choice(step));
-            }
-            recorder.step(record(step));
-        }
-        match name {
-            "given-up.mcap" => recorder.discard(),
-            "broken.mcap" => {}
-            _ => recorder.end(end(20)),
-        }
-    }
-    drop(recorder);
-    let names = fs::read_dir(folder.path()).unwrap();
-    let mut names: Vec<_> = names.map(|entry| entry.unwrap().file_name()).collect();
-    names.sort();
-    assert_eq!(names, ["a.mcap", "b.mcap"]);
-    for name in ["a.mcap", "b.mcap"] {
-        let trace = read_whole(&path(name)).unwrap();
-        assert_eq!((trace.steps.len(), trace.choices.len()), (20, 1));
-    }
-}
-
-/// A disk that takes nothing for as long as it is looked at.
-#[test]
-fn a_recorder_never_waits_for_a_disk() {
-    let folder = tempfile::tempdir().unwrap();
-    let pipe = folder.path().join("slow.mcap.part");
-    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
-    assert!(made.unwrap().success());
-    let mut recorder = Recorder::new(&AntBody.spaces(), |_| {}).unwrap();
-    // Nobody reads: to open it blocks the thread.
-    recorder.begin(episode(folder.path().join("slow.mcap")), Behind::Skip);
-    let mut told = 0;
-    while recorder.is_open() {
-        recorder.step(record(told % 1000));
-        told += 1;
-        assert!(told < 10_000, "the queue has no end");
-    }
-    // The next one waits for a moment only.
-    for behind in [Behind::Wait, Behind::Skip] {
-        recorder.begin(episode(folder.path().join("next.mcap")), behind);
-        assert!(!recorder.is_open());
-    }
-    // The other end opens and closes; the thread goes on, and the trace is given up.
-    let reader = std::thread::spawn(move || fs::read(&pipe));
-    let _ = reader.join().unwrap();
-    let last = folder.path().join("last.mcap");
-    recorder.begin(episode(last.clone()), Behind::Wait);
-    recorder.step(record(0));
-    recorder.end(end(1));
-    drop(recorder);
-    assert!(!folder.path().join("slow.mcap").exists());
-    assert_eq!(read_whole(&last).unwrap().steps.len(), 1);
-}
-
-#[cfg(target_os = "linux")]
-#[test]
-fn a_full_disk_ends_the_trace_without_a_panic() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("episode.mcap");
-    std::os::unix::fs::symlink("/dev/full", part_of(&path)).unwrap();
-    let begun = EpisodeWriter::begin(&path, part_of(&path), &meta(), still(), start());
-    assert!(begun.is_err());
-    assert!(!path.exists());
 }

@@ -2,8 +2,8 @@
 
 use simulator::{Body, Frame, Part, Shape, Space, Spaces};
 
+use super::egocentric::{self, EGOCENTRIC, Egocentric};
 use super::{LEG_RADIUS, LINK, TORSO_RADIUS};
-use crate::egocentric::{self, EGOCENTRIC, Egocentric};
 use crate::{ACTION, CONTROL_SECONDS, OBSERVATION, upright};
 
 /// The ant.

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 use super::frame::Frame;
 use super::*;
-use crate::read::tests::episode_bytes;
+use crate::tests::made::episode_bytes;
 use crate::{Recovered, Trace, TraceError, read_bytes, recover_bytes};
 
 mod made;
