@@ -55,11 +55,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder, &args.folder)?;
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
-    let loaded = dataset::load_for(&config)?;
-    for note in &loaded.notes {
-        log::info!("{note}");
-    }
-    let data = loaded.data;
+    let data = dataset::prepared::open(&args.folder)?;
     Builder {
         weights: WeightsSubscriber::new(&bus, Module::Encoder)?,
         publisher: GraphPublisher::new(&bus)?,

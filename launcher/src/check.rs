@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ::dataset::Made;
+use ::dataset::{Loaded, Made};
 use agents::{high, low, vae, walker};
 use config::{Config, Kind, Misfit};
 use maze::Layout;
@@ -26,10 +26,10 @@ pub(crate) struct OtherMaze {
 ///
 /// # Errors
 /// Data that cannot be read, or that do not fit the run.
-pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
+pub(crate) fn data(config: &Config) -> anyhow::Result<Option<Loaded>> {
     let path = Path::new(&config.dataset.path);
     if config.run.kind == Kind::Walker || !path.exists() {
-        return Ok(());
+        return Ok(None);
     }
     if let Some(made) = Made::read(path)? {
         if !is_of_maze(&made, config)? {
@@ -48,10 +48,11 @@ pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
             }
         }
     }
-    for note in ::dataset::load_for(config)?.notes {
+    let loaded = ::dataset::load_for(config)?;
+    for note in &loaded.notes {
         say!("note: {note}");
     }
-    Ok(())
+    Ok(Some(loaded))
 }
 
 /// Whether a data set was collected in the config's maze, whatever either calls it.

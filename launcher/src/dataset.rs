@@ -297,7 +297,7 @@ mod tests {
     fn along(places: &[[f32; 2]]) -> Dataset {
         let mut data = Dataset::new(Shape::vectors(2, 1));
         for place in places {
-            data.observations.extend(place);
+            data.observations.extend_from_slice(place);
             data.actions.push(0.0);
             data.rewards.push(0.0);
             data.terminals.push(false);

@@ -10,6 +10,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use config::{Config, Kind};
+use dataset::{Loaded, prepared};
 use durable::{Existing, Output};
 use wire::{
     Bus, Directive, DirectivePublisher, EpisodeResult, Phase, ReportReader, Role, RunDomain,
@@ -74,8 +75,12 @@ struct Run<'c> {
     failure: Option<Failure>,
 }
 
-/// Launches a run and stays until it has ended.
-pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
+/// Launches a run and stays until it has ended. `data` are its data set's, if it was there.
+pub(crate) fn launch(
+    config: &Config,
+    data: Option<Loaded>,
+    plain: bool,
+) -> anyhow::Result<ExitCode> {
     output::detach();
     let interrupts = Interrupts::listen()?;
     clear_dead();
@@ -91,12 +96,19 @@ pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
         },
         ..Saved::default()
     };
+    let data = match data {
+        None => check::data(config)?,
+        data => data,
+    };
     let folder = folder::create(config)?;
     say!(
         "run {} with config {}",
         folder.path.display(),
         config.hash()
     );
+    if let Some(data) = data {
+        prepared::save(&folder.path, &data)?;
+    }
     host(config, &folder, saved, interrupts, plain)
 }
 
@@ -131,6 +143,11 @@ pub(crate) fn resume(
         config.hash()
     );
     notes.iter().for_each(|note| say!("{note}"));
+    if !prepared::is_fresh(&folder.path, &config)
+        && let Some(data) = check::data(&config)?
+    {
+        prepared::save(&folder.path, &data)?;
+    }
     host(&config, &folder, saved, interrupts, plain)
 }
 

@@ -242,7 +242,7 @@ pub(crate) fn run(
         settled: false,
     };
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
-    let data = dataset::load_for(config)?.data;
+    let data = dataset::prepared::open(folder)?;
     learner.describe(&data, &layout);
     let halt = AtomicBool::new(false);
     let result = std::thread::scope(|scope| {

@@ -102,6 +102,7 @@ impl Run<'_> {
         }
         self.finished = true;
         self.save();
+        dataset::prepared::remove(folder);
         self.progress
             .say(&format!("all of it is in {}", folder.display()));
         Ok(ExitCode::SUCCESS)
