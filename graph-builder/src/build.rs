@@ -1,9 +1,11 @@
 //! The graph of a data set: encode, select, cluster, link.
 
+use std::path::Path;
+
 use agents::vae::{Encoder, Shape};
 use anyhow::Context;
 use config::{Config, Seeding};
-use dataset::Dataset;
+use dataset::{Codes, Dataset};
 use graph::kmeans::{self, Settings};
 use graph::{EdgeRule, Growth, Pool, Segments, StateRule};
 use rand::SeedableRng;
@@ -22,8 +24,15 @@ pub(crate) fn encoder(config: &Config, weights: &[f32]) -> anyhow::Result<Encode
     Encoder::new(shape, weights).context("the encoder's weights do not fit its shape")
 }
 
-/// Nodes and ways of a data set. With `[graph] online` they may grow.
-pub(crate) fn pool(config: &Config, data: &Dataset, encoder: &mut Encoder) -> anyhow::Result<Pool> {
+/// Nodes and ways of a data set, with the encoder that weights are of. With `[graph] online` they may
+/// grow. What else is computed on the way, and needed by the learner, is left in the run's folder.
+pub(crate) fn pool(
+    config: &Config,
+    data: &Dataset,
+    encoder: &mut Encoder,
+    weights: &[f32],
+    run: &Path,
+) -> anyhow::Result<Pool> {
     let g = &config.graph;
     let dz = config.encoder.latent;
     let places = data.places();
@@ -53,7 +62,7 @@ pub(crate) fn pool(config: &Config, data: &Dataset, encoder: &mut Encoder) -> an
             rows.len()
         )
     })?;
-    let spacing = spacing(&points, dz, &clusters.centroids);
+    let spacing = spacing(clusters.distances);
     let rule = EdgeRule {
         lag: g.lag,
         min_count: g.min_count,
@@ -72,8 +81,7 @@ pub(crate) fn pool(config: &Config, data: &Dataset, encoder: &mut Encoder) -> an
         names: &|number| number as u64,
         usable: &|row| data.upright(row) >= UPRIGHT,
     };
-    pool.add(&segments);
-    pool.aim(&segments);
+    let nearest = pool.begin(&segments);
     if g.wrong_edges > 0.0 {
         let mut rng = Pcg64Mcg::seed_from_u64(config.run.seed + 29);
         pool.add_wrong_edges(g.wrong_edges, &mut rng);
@@ -86,14 +94,18 @@ pub(crate) fn pool(config: &Config, data: &Dataset, encoder: &mut Encoder) -> an
             max_nodes: g.max_nodes,
         });
     }
+    // Before the graph is published, so that its readers find the file and need not wait for it.
+    let (graph, ..) = pool.clone().renew();
+    let nodes = nearest.within(&latents, &graph);
+    if let Err(error) = Codes::save(run, [weights, &graph.latents], &latents, &nodes) {
+        log::warn!("{error}; the learner computes what would be in it");
+    }
     Ok(pool)
 }
 
-/// The latent distance from its node that all but a few states lie within.
-fn spacing(points: &[f32], dz: usize, centroids: &[f32]) -> f32 {
-    let n = points.len() / dz.max(1);
-    let (mut nodes, mut distances) = (vec![0; n], vec![0.0; n]);
-    kmeans::assign(points, dz, centroids, &mut nodes, &mut distances);
+/// The latent distance from its node that all but a few states lie within, of squared distances.
+fn spacing(mut distances: Vec<f32>) -> f32 {
+    let n = distances.len();
     let at = ((n as f64 * WITHIN) as usize).min(n.saturating_sub(1));
     distances.sort_unstable_by(f32::total_cmp);
     distances.get(at).map_or(0.0, |squared| squared.sqrt())

@@ -237,11 +237,12 @@ impl Builder<'_> {
         let (sender, receiver) = mpsc::channel();
         self.building = Some(receiver);
         let (config, data) = (self.config.clone(), Arc::clone(data));
+        let folder = self.folder.to_path_buf();
         // It ends with the process, should that end first.
         std::thread::spawn(move || {
             let build = || {
                 let mut encoder = build::encoder(&config, &weights)?;
-                let pool = build::pool(&config, &data, &mut encoder)?;
+                let pool = build::pool(&config, &data, &mut encoder, &weights, &folder)?;
                 Ok(Built { encoder, pool })
             };
             let _ = sender.send(build());

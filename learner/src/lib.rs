@@ -5,6 +5,7 @@
 //! and reports over an in-process channel.
 
 mod choices;
+mod codes;
 mod encoder;
 mod high;
 mod low;

@@ -7,11 +7,12 @@ use agents::low::{self, Low, Policy, Sample, Settings, Subgoal};
 use agents::vae::{Encoder, Shape};
 use config::Config;
 use dataset::{Dataset, Starts};
-use graph::{Graph, kmeans};
+use graph::Graph;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 
+use crate::codes::{self, Codes};
 use crate::offline::{News, Post};
 use crate::save;
 
@@ -39,7 +40,7 @@ pub(crate) fn train(
     config: &Config,
     data: &Dataset,
     mut graph: Graph,
-    encoder: &[f32],
+    weights: &[f32],
     post: &Post<'_>,
 ) -> anyhow::Result<()> {
     let start = Instant::now();
@@ -65,7 +66,7 @@ pub(crate) fn train(
         });
         return Ok(());
     }
-    let Some(mut encoder) = Encoder::new(Shape::new(dz, &config.encoder.hidden), encoder) else {
+    let Some(mut encoder) = Encoder::new(Shape::new(dz, &config.encoder.hidden), weights) else {
         anyhow::bail!("the encoder's weights do not fit its shape");
     };
     let (mut keeper, mut state) = post.keeper::<State>("low", config);
@@ -76,13 +77,8 @@ pub(crate) fn train(
         }
     }
     let graph_bytes = graph.to_bytes();
-    let mut latents = Vec::with_capacity(data.len() * dz);
-    encoder.encode((0..data.len()).map(|row| data.place(row)), &mut latents);
+    let Codes { latents, nodes } = codes::of(post.folder(), data, weights, &mut encoder, &graph);
     let latent = |row: usize| &latents[row * dz..(row + 1) * dz];
-    let mut nodes = vec![0_u32; data.len()];
-    let mut distances = vec![0.0; data.len()];
-    kmeans::assign(&latents, dz, &graph.latents, &mut nodes, &mut distances);
-    drop(distances);
     let centroid = |node: u32| Subgoal {
         place: graph.places[node as usize],
         latent: graph.latent(node),

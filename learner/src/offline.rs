@@ -101,6 +101,11 @@ impl Post<'_> {
         self.send(News::Progress { stage, done, total });
     }
 
+    /// The run's folder.
+    pub(crate) fn folder(&self) -> &Path {
+        self.folder
+    }
+
     /// The keeper of a stage's states, and the newest one.
     pub(crate) fn keeper<T: DeserializeOwned>(
         &self,

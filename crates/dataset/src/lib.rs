@@ -4,6 +4,7 @@
 //! [`ogbench`]. [`open`] tells them apart by content.
 
 mod array;
+mod codes;
 pub mod d4rl;
 mod error;
 mod fault;
@@ -29,6 +30,7 @@ use std::path::Path;
 use bytemuck::Pod;
 
 pub use array::Array;
+pub use codes::Codes;
 pub use config::OnFault;
 pub use error::DatasetError;
 pub use fault::Dropped;

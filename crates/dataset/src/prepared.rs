@@ -12,7 +12,7 @@ use config::Config;
 use serde::{Deserialize, Serialize};
 
 use crate::mapped::{self, Mapped, Values};
-use crate::{Dataset, Element, Loaded, MappedError, Shape};
+use crate::{Dataset, Element, Loaded, MappedError, Shape, codes};
 pub use stamp::Stamp;
 
 /// The file in a run's folder.
@@ -35,11 +35,12 @@ fn file(run: &Path) -> PathBuf {
     run.join(FILE)
 }
 
-/// Writes the data into a run's folder, whole or not at all.
+/// Writes the data into a run's folder, whole or not at all, and removes what was computed of others.
 ///
 /// # Errors
 /// What the system refuses: a full disk above all.
 pub fn save(run: &Path, loaded: &Loaded) -> Result<(), MappedError> {
+    codes::remove(run);
     let data = &loaded.data;
     let shape = data.shape();
     let about = About {
@@ -135,8 +136,9 @@ pub fn is_fresh(run: &Path, config: &Config) -> bool {
     }
 }
 
-/// Removes the data from a run's folder: they can be made again.
+/// Removes the data from a run's folder, and what was computed of them: they can be made again.
 pub fn remove(run: &Path) {
+    codes::remove(run);
     // What cannot be removed is of no harm.
     let _ = fs::remove_file(file(run));
 }

@@ -9,6 +9,7 @@ mod components;
 mod judge;
 pub mod kmeans;
 mod knowledge;
+mod nearest;
 mod paths;
 mod pool;
 mod states;
@@ -16,6 +17,7 @@ mod states;
 pub use bytes::{GraphError, max_bytes};
 pub use judge::Unusable;
 pub use knowledge::Knowledge;
+pub use nearest::Nearest;
 pub use pool::{EdgeRule, Growth, Pool, Segments};
 pub use states::{StateRule, select};
 
