@@ -7,8 +7,8 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use system_tests::{
-    SMALL, binary, eventually, finished, formica, kill, one_at_a_time, piped, shared_memory, start,
-    text,
+    SMALL, binary, eventually, finished, formica, kill, of_role, one_at_a_time, piped,
+    shared_memory, start, text,
 };
 
 /// The launch of the small run under a limit to the size of a file (1 KiB blocks), as on a disk
@@ -65,7 +65,7 @@ fn a_full_disk_costs_states_but_not_the_run() {
          code=$?\ncat runs/small/logs/*\nls runs/small/checkpoints\nexit $code",
         binary().display()
     );
-    let Some((code, told)) = on_a_small_disk(folder.path(), "runs", "4m", &script) else {
+    let Some((code, told)) = on_a_small_disk(folder.path(), "runs", "6500k", &script) else {
         return;
     };
     assert_eq!(code, 0, "{told}");
@@ -78,6 +78,54 @@ fn a_full_disk_costs_states_but_not_the_run() {
     assert!(told.contains("high.safetensors"), "{told}");
     assert!(told.contains("are not for traces"), "{told}");
     assert!(!told.contains(".part"), "{told}");
+}
+
+#[test]
+fn data_that_cannot_be_prepared_end_the_run_before_its_processes_start() {
+    let _one = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    collect(folder.path());
+    std::fs::create_dir(folder.path().join("runs")).unwrap();
+    let script = format!(
+        "'{}' launch small.toml\ncode=$?\nls runs/small runs/small/logs\nexit $code",
+        binary().display()
+    );
+    let Some((code, told)) = on_a_small_disk(folder.path(), "runs", "1m", &script) else {
+        return;
+    };
+    assert_eq!(code, 1, "{told}");
+    let cause = "runs/small/data.mapped cannot be written: No space left on device";
+    assert!(told.contains(cause) && told.contains("make room"), "{told}");
+    assert!(
+        !told.contains(".part") && !told.contains("learner"),
+        "{told}"
+    );
+}
+
+#[test]
+fn prepared_data_that_are_gone_end_the_run_with_the_remedy() {
+    let _one = one_at_a_time();
+    let folder = tempfile::tempdir().unwrap();
+    let launcher = start(folder.path(), &["low.updates=1000000"]);
+    let run = folder.path().join("runs/small");
+    assert!(eventually(Duration::from_secs(60), || run
+        .join("graph.bin")
+        .is_file()));
+    std::fs::remove_file(run.join("data.mapped")).unwrap();
+    for learner in of_role(&launcher, "learner") {
+        assert!(kill(learner, "-KILL"));
+    }
+    let (code, told) = finished(launcher, Duration::from_secs(60));
+    assert_eq!(code, Some(2), "{told}");
+    assert!(
+        told.contains("data.mapped cannot be read: No such file"),
+        "{told}"
+    );
+    assert!(
+        told.contains("`formica launch --resume` of the run makes it again"),
+        "{told}"
+    );
+    assert_eq!(shared_memory(&run), Vec::<String>::new());
 }
 
 #[test]

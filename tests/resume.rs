@@ -263,7 +263,7 @@ fn data_that_are_gone_or_others_are_refused() {
 }
 
 #[test]
-fn an_interrupted_run_goes_on_from_another_folder_without_its_logs() {
+fn an_interrupted_run_goes_on_from_another_folder_without_its_logs_and_with_damaged_data() {
     let _one = one_at_a_time();
     let folder = tempfile::tempdir().unwrap();
     let [here, elsewhere] = ["here", "elsewhere"].map(|name| folder.path().join(name));
@@ -279,6 +279,9 @@ fn an_interrupted_run_goes_on_from_another_folder_without_its_logs() {
     assert_eq!(code, Some(130), "{told}");
     fs::remove_dir_all(run.join("logs")).unwrap();
     fs::remove_dir_all(run.join("traces")).unwrap();
+    let data = run.join("data.mapped");
+    let bytes = fs::read(&data).unwrap();
+    fs::write(&data, &bytes[..bytes.len() / 2]).unwrap();
     let (code, told) = resume(
         &elsewhere,
         &["../here/runs/latest", "--set", "rollouts.seconds=1"],
@@ -290,6 +293,7 @@ fn an_interrupted_run_goes_on_from_another_folder_without_its_logs() {
     );
     assert!(told.contains("normalized score"), "{told}");
     assert!(run.join("logs/learner-0.log").is_file());
+    assert!(!data.exists(), "a run that is finished needs none");
     assert_eq!(
         fs::read_link(here.join("runs/latest")).unwrap(),
         Path::new("small")

@@ -47,6 +47,11 @@ fn a_run_ends_with_its_score_though_an_actor_was_killed() {
             "{file}"
         );
     }
+    for file in ["data.mapped", "codes.mapped"] {
+        assert!(!run.join(file).exists(), "{file}");
+    }
+    let log = std::fs::read_to_string(run.join("logs/learner-0.log")).unwrap();
+    assert!(!log.contains("computing them"), "{log}");
     let traces = std::fs::read_dir(run.join("traces")).unwrap().flatten();
     let whole = traces
         .filter(|t| t.path().extension().is_some_and(|e| e == "mcap"))

@@ -39,9 +39,8 @@ pub struct Args {
 pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     let config = agents::CONFIGS.of_run(&args.folder)?;
     let plan = agents::plan(&config).context("the config's algorithm is unknown")?;
-    let (rule, needs) = plan
+    let rule = plan
         .graph()
-        .zip(plan.needs())
         .with_context(|| format!("'{}' has no graph to build", config.run.algorithm))?;
     let domain = RunDomain::open(&args.domain)?;
     let bus = Bus::join(&domain, "graph-builder")?;
@@ -53,10 +52,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     status.set_text("loading the data set");
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder, &args.folder)?;
-    let loaded = dataset::load_for(&config, &needs)?;
-    for note in &loaded.notes {
-        log::info!("{note}");
-    }
+    let data = dataset::prepared::open(&args.folder)?;
     let networks = plan.networks();
     let rows = RowLayout::new(&bus.limits().spaces);
     let subscribers = rule.after().into_iter().map(|number| {
@@ -85,7 +81,7 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
         folder: &args.folder,
         layout: Layout::of(&config.maze.layout, &config.maze.rows)?,
     }
-    .work(&Arc::new(loaded.data), stop)
+    .work(&Arc::new(data), stop)
 }
 
 /// What is kept of the work.
@@ -245,9 +241,10 @@ impl Builder<'_> {
         let (sender, receiver) = mpsc::channel();
         self.building = Some(receiver);
         let (rule, data, parts) = (Arc::clone(&self.rule), Arc::clone(data), self.parts.clone());
+        let folder = self.folder.to_path_buf();
         // It ends with the process, should that end first.
         std::thread::spawn(move || {
-            let _ = sender.send(rule.build(&data, &parts));
+            let _ = sender.send(rule.build(&data, &parts, &folder));
         });
         self.began = Instant::now();
     }

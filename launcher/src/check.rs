@@ -7,7 +7,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use config::{Config, Misfit};
-use dataset::Made;
+use dataset::{Loaded, Made};
 use maze::Layout;
 
 use crate::fault::Input;
@@ -17,11 +17,11 @@ use limits::limits;
 ///
 /// # Errors
 /// The data cannot be read, or do not fit the run.
-pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
+pub(crate) fn data(config: &Config) -> anyhow::Result<Option<Loaded>> {
     let path = Path::new(&config.dataset.path);
     let plan = agents::plan(config).context("the config's algorithm is unknown")?;
     let Some(needs) = plan.needs().filter(|_| path.exists()) else {
-        return Ok(());
+        return Ok(None);
     };
     if let Some(made) = Made::read(path)? {
         if !is_of_maze(&made, config)? {
@@ -36,10 +36,11 @@ pub(crate) fn data(config: &Config) -> anyhow::Result<()> {
             }
         }
     }
-    for note in dataset::load_for(config, &needs)?.notes {
+    let loaded = dataset::load_for(config, &needs)?;
+    for note in &loaded.notes {
         outln!("note: {note}");
     }
-    Ok(())
+    Ok(Some(loaded))
 }
 
 /// The message that a data set was collected in another maze than the config's.

@@ -31,8 +31,8 @@ pub(crate) fn run(command: Command) -> anyhow::Result<ExitCode> {
             (Some(path), _) => {
                 let config = check::load(&path, &over.sets);
                 config.and_then(|config| {
-                    check::data(&config)?;
-                    launch::launch(&config, plain)
+                    let data = check::data(&config)?;
+                    launch::launch(&config, data, plain)
                 })
             }
             (None, Some(run)) => launch::resume(&run, &over.sets, plain),

@@ -1,6 +1,6 @@
 //! Errors as the user sees them: whether the cause is in what they gave, and the message.
 
-use dataset::{DatasetError, LoadError};
+use dataset::{DatasetError, LoadError, MappedError};
 use graph::kmeans::KMeansError;
 use nets::file::FileError;
 
@@ -39,6 +39,10 @@ pub(crate) fn is_input(error: &anyhow::Error) -> bool {
             || matches!(
                 cause.downcast_ref::<LoadError>(),
                 Some(error) if !matches!(error, LoadError::Dataset(DatasetError::Io { .. }))
+            )
+            || matches!(
+                cause.downcast_ref::<MappedError>(),
+                Some(MappedError::Read { .. } | MappedError::Damaged { .. })
             )
             || cause.is::<graph::Unusable>()
             || cause.is::<KMeansError>()

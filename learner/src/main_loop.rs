@@ -108,8 +108,8 @@ pub(crate) fn run(
         settling: false,
     };
     let data = match plan.needs() {
-        Some(needs) => {
-            let data = dataset::load_for(config, &needs)?.data;
+        Some(_) => {
+            let data = dataset::prepared::open(folder)?;
             learner.describe(&data)?;
             data
         }

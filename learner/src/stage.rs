@@ -123,6 +123,7 @@ impl<'t, 's> Trainer<'t, 's> {
             Keeper::open::<Kept>(context.folder, name, context.config, context.rounds);
         let inputs = Inputs {
             data: &start.data,
+            folder: context.folder,
             parts: &start.parts,
             in_rounds: context.config.run.deterministic,
         };

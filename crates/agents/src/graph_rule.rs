@@ -1,5 +1,6 @@
 //! How an algorithm makes its graph, and what rollouts change of it.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -50,11 +51,17 @@ pub trait GraphRule: Send + Sync {
     /// Time between two versions while rollouts come in.
     fn refresh(&self) -> Duration;
 
-    /// Builds the graph of a data set. It takes seconds.
+    /// Builds the graph of a data set. It takes seconds. What is computed of all rows on the way is left
+    /// in the run's `folder`, for stages to find.
     ///
     /// # Errors
     /// Data or weights that make no graph.
-    fn build(&self, data: &Dataset, parts: &Parts) -> Result<Box<dyn GraphWork>, BuildError>;
+    fn build(
+        &self,
+        data: &Dataset,
+        parts: &Parts,
+        folder: &Path,
+    ) -> Result<Box<dyn GraphWork>, BuildError>;
 
     /// Goes on from what [`GraphWork::save`] gave; with the version that was published last.
     ///

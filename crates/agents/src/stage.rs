@@ -1,5 +1,6 @@
 //! A stage of an algorithm: one training thread of the learner.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use dataset::Dataset;
@@ -29,6 +30,8 @@ pub struct StageSpec {
 pub struct Inputs<'a> {
     /// The data set; empty where the algorithm [needs](crate::Plan::needs) none.
     pub data: &'a Arc<Dataset>,
+    /// The run's folder, where a graph rule leaves what it computed of all rows.
+    pub folder: &'a Path,
     /// Weights and graph, as the stage's [`StageSpec`] asks for them.
     pub parts: &'a Parts,
     /// Whether rollouts come in rounds: then a newer graph goes with its rollouts, and is not

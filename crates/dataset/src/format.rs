@@ -135,7 +135,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{Shape, made};
+    use crate::{Array, Shape, made};
 
     const ALL: [(Format, &str); 3] = [
         (Format::D4rl, "d.hdf5"),
@@ -204,7 +204,7 @@ mod tests {
         ) {
             let mut data = made::of(&shape, &lengths);
             if !goals {
-                data.goals.clear();
+                data.goals = Array::default();
             }
             let folder = tempfile::tempdir().unwrap();
             let wanted = data.clone();
@@ -233,9 +233,9 @@ mod tests {
                     let kept = kept && !ogbench;
                     prop_assert_eq!(told, if kept { (reward, terminal) } else { (0.0, false) });
                 }
-                match read.goals.as_slice() {
+                match &read.goals[..] {
                     [] => prop_assert!(!goals || ogbench),
-                    found if goals && !ogbench => prop_assert_eq!(found, &wanted.goals),
+                    found if goals && !ogbench => prop_assert_eq!(found, &wanted.goals[..]),
                     found => prop_assert!(minari && found.iter().all(|goal| *goal == [0.0; 2])),
                 }
                 data = read;

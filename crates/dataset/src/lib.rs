@@ -3,6 +3,8 @@
 //! Each file format is a module that reads [`Dataset`]s and writes them: [`d4rl`], [`minari`] and
 //! [`ogbench`]. [`open`] tells them apart by content.
 
+mod array;
+mod codes;
 pub mod d4rl;
 mod error;
 mod fault;
@@ -11,10 +13,12 @@ mod format;
 mod hdf5;
 #[cfg(test)]
 pub(crate) mod made;
+mod mapped;
 pub mod minari;
 mod number;
 pub mod ogbench;
 mod parallel;
+pub mod prepared;
 mod provenance;
 mod shape;
 mod starts;
@@ -23,11 +27,16 @@ mod summary;
 use std::ops::Range;
 use std::path::Path;
 
+use bytemuck::Pod;
+
+pub use array::Array;
+pub use codes::Codes;
 pub use config::OnFault;
 pub use error::DatasetError;
 pub use fault::Dropped;
 pub use fit::{LoadError, Loaded, Needs, load_for};
 pub use format::{Format, Opened, open, open_with};
+pub use mapped::MappedError;
 pub use provenance::Made;
 pub use shape::{Element, Shape};
 pub use starts::Starts;
@@ -44,21 +53,21 @@ pub struct Dataset {
     /// Values of an observation and of an action, as the shape has them.
     widths: [usize; 2],
     /// `[n, observation]`, before the action; empty where observations are images.
-    pub observations: Vec<f32>,
+    pub observations: Array<f32>,
     /// `[n, rows, columns, channels]`, before the action; empty where observations are vectors.
-    pub images: Vec<u8>,
+    pub images: Array<u8>,
     /// `[n, action]`.
-    pub actions: Vec<f32>,
+    pub actions: Array<f32>,
     /// `[n]`.
-    pub rewards: Vec<f32>,
+    pub rewards: Array<f32>,
     /// `[n]`. D4RL's terminals mark success and end no episode.
     pub terminals: Vec<bool>,
     /// Rows of each episode, in order; together they are all rows, and none is empty.
     pub episodes: Vec<Range<usize>>,
     /// The goal that each row's behaviour aimed at (m); empty where the file has none.
-    pub goals: Vec<[f32; 2]>,
+    pub goals: Array<[f32; 2]>,
     /// Where each image was taken (m); empty where observations begin with x and y.
-    pub image_places: Vec<[f32; 2]>,
+    pub image_places: Array<[f32; 2]>,
 }
 
 impl Dataset {
@@ -68,14 +77,14 @@ impl Dataset {
         Self {
             widths: [shape.observation(), shape.action()],
             shape,
-            observations: vec![],
-            images: vec![],
-            actions: vec![],
-            rewards: vec![],
+            observations: Array::default(),
+            images: Array::default(),
+            actions: Array::default(),
+            rewards: Array::default(),
             terminals: vec![],
             episodes: vec![],
-            goals: vec![],
-            image_places: vec![],
+            goals: Array::default(),
+            image_places: Array::default(),
         }
     }
 
@@ -138,7 +147,7 @@ impl Dataset {
 
     /// Appends rows of a data set of the same shape, without an episode of them.
     fn take(&mut self, from: &Self, rows: Range<usize>) {
-        fn append<T: Copy>(into: &mut Vec<T>, from: &[T], rows: &Range<usize>, width: usize) {
+        fn append<T: Pod>(into: &mut Array<T>, from: &[T], rows: &Range<usize>, width: usize) {
             let values = from.get(rows.start * width..rows.end * width);
             into.extend_from_slice(values.unwrap_or_default());
         }
@@ -152,7 +161,8 @@ impl Dataset {
         append(&mut self.images, &from.images, &rows, observation);
         append(&mut self.actions, &from.actions, &rows, action);
         append(&mut self.rewards, &from.rewards, &rows, 1);
-        append(&mut self.terminals, &from.terminals, &rows, 1);
+        self.terminals
+            .extend_from_slice(&from.terminals[rows.clone()]);
         append(&mut self.goals, &from.goals, &rows, 1);
         append(&mut self.image_places, &from.image_places, &rows, 1);
     }

@@ -26,6 +26,8 @@ const MAIN: &str = "main_data.hdf5";
 const METADATA: &str = "metadata.json";
 /// All that a folder holds, by its path in it.
 pub(crate) const HOLDS: &[&str] = &["data/main_data.hdf5", "data/metadata.json"];
+/// The same where the folder is the inner one.
+pub(crate) const HOLDS_ITSELF: &[&str] = &["main_data.hdf5", "metadata.json"];
 /// Values of the ant's `observation` that are taken: all of a row but the place.
 const PLACE_APART: usize = maze::OBSERVATION - 2;
 /// Widths that it has with contact forces.

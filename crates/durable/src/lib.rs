@@ -19,7 +19,7 @@ pub use states::{Damaged, Newest, Stamp, StateError, States};
 
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use output::folder;
@@ -29,11 +29,23 @@ use output::folder;
 /// # Errors
 /// What the system refuses; nothing is left beside `path` then.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    write_with(path, |file| file.write_all(bytes))
+}
+
+/// [`write`] of what `fill` writes.
+///
+/// # Errors
+/// Those of `fill`, and what the system refuses; nothing is left beside `path` then.
+pub fn write_with(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
     let part = part(path);
     let write = || {
-        let mut file = File::create(&part)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
+        let mut file = BufWriter::new(File::create(&part)?);
+        fill(&mut file)?;
+        file.flush()?;
+        file.get_ref().sync_all()?;
         fs::rename(&part, path)?;
         // The new name outlasts a loss of power only once its folder is synced.
         File::open(folder(path))?.sync_all()
@@ -67,6 +79,12 @@ mod writing {
         assert_eq!(fs::read(&path).unwrap(), b"first");
         fs::remove_dir(part(&path)).unwrap();
         write(&path, b"second").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        let failed = write_with(&path, |file| {
+            file.write_all(b"thi")?;
+            Err(io::Error::other("no more"))
+        });
+        assert!(failed.is_err());
         assert_eq!(fs::read(&path).unwrap(), b"second");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }

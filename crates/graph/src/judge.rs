@@ -123,8 +123,7 @@ mod tests {
                 names: &|number| number as u64,
                 usable: &|_| true,
             };
-            pool.add(&segments);
-            pool.aim(&segments);
+            pool.begin(&segments);
             let (graph, ..) = pool.renew();
             let limit = max_bytes(20, 2);
             if graph.judge(pool.len(), limit).is_ok() {

@@ -68,6 +68,8 @@ pub struct Clusters {
     pub centroids: Vec<f32>,
     /// Cluster of each point.
     pub assignment: Vec<u32>,
+    /// Squared distance of each point to its centroid.
+    pub distances: Vec<f32>,
     /// Sum of squared distances to the centroids.
     pub inertia: f64,
     /// Lloyd iterations on all points.
@@ -123,11 +125,12 @@ pub fn fit(points: &[f32], dim: usize, settings: &Settings) -> Result<Clusters, 
     if n > SUBSAMPLE {
         lloyd(&sample, dim, &mut centroids, settings);
     }
-    let (assignment, inertia, iterations) = lloyd(points, dim, &mut centroids, settings);
+    let (assignment, distances, iterations) = lloyd(points, dim, &mut centroids, settings);
     Ok(Clusters {
         centroids,
+        inertia: inertia(&distances),
         assignment,
-        inertia,
+        distances,
         iterations,
     })
 }
@@ -168,7 +171,7 @@ fn lloyd(
     dim: usize,
     centroids: &mut [f32],
     settings: &Settings,
-) -> (Vec<u32>, f64, usize) {
+) -> (Vec<u32>, Vec<f32>, usize) {
     let n = points.len() / dim;
     let k = centroids.len() / dim;
     let mut assignment = vec![0; n];
@@ -176,9 +179,9 @@ fn lloyd(
     let mut before = f64::INFINITY;
     for iteration in 0.. {
         assign(points, dim, centroids, &mut assignment, &mut distance);
-        let inertia: f64 = distance.iter().map(|d| f64::from(*d)).sum();
+        let inertia = inertia(&distance);
         if iteration >= settings.iterations || before - inertia <= settings.tolerance * inertia {
-            return (assignment, inertia, iteration);
+            return (assignment, distance, iteration);
         }
         before = inertia;
         let mut sums = vec![0.0_f64; k * dim];
@@ -203,7 +206,11 @@ fn lloyd(
             }
         }
     }
-    (assignment, before, settings.iterations)
+    (assignment, distance, settings.iterations)
+}
+
+fn inertia(distances: &[f32]) -> f64 {
+    distances.iter().map(|distance| f64::from(*distance)).sum()
 }
 
 #[cfg(test)]

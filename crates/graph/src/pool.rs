@@ -3,6 +3,9 @@
 //! Edges come from segments of trajectories, of the data first and of rollouts later. A node
 //! keeps its id for good, so that what is known of it outlives each version of the graph.
 
+#[cfg(test)]
+mod tests;
+
 use std::collections::{HashMap, VecDeque};
 use std::ops::Range;
 
@@ -10,7 +13,7 @@ use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
 use crate::assign::squared;
-use crate::{Edge, Graph, kmeans};
+use crate::{Edge, Graph, Nearest, kmeans};
 
 /// When segments make an edge, and when rollouts unmake it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -158,27 +161,35 @@ impl Pool {
         self.members.is_empty()
     }
 
-    fn nearest(&self, data: &Segments<'_>) -> (Vec<u32>, Vec<f32>) {
-        let n = data.places.len().min(data.latents.len() / self.dim.max(1));
-        let (mut nodes, mut distances) = (vec![0_u32; n], vec![0.0; n]);
-        kmeans::assign(
-            data.latents,
-            self.dim,
-            &self.latents,
-            &mut nodes,
-            &mut distances,
-        );
-        (nodes, distances)
+    /// Takes in the data that a graph begins with, and returns the nearest node of each row: as
+    /// [`add`](Self::add) does, and how often a walk that leaves a node towards another one comes to
+    /// it within twice the lag.
+    pub fn begin(&mut self, data: &Segments<'_>) -> Nearest {
+        let nearest = Nearest::of(data.latents, self.dim, &self.latents);
+        if !self.is_empty() {
+            self.take(data, &nearest);
+            self.aim(data, &nearest.nodes);
+        }
+        nearest
     }
 
     /// Takes in trajectories: every segment (s_t .. s_{t+lag}) of one whose ends lie in different
     /// nodes is a way between these.
     pub fn add(&mut self, data: &Segments<'_>) {
-        if self.is_empty() {
-            return;
+        if !self.is_empty() {
+            let nearest = Nearest::of(data.latents, self.dim, &self.latents);
+            self.take(data, &nearest);
         }
-        let (nodes, distances) = self.nearest(data);
-        let n = nodes.len();
+    }
+
+    fn take(
+        &mut self,
+        data: &Segments<'_>,
+        Nearest {
+            nodes, distances, ..
+        }: &Nearest,
+    ) {
+        let n = nodes.len().min(data.places.len());
         for (number, episode) in data.episodes.iter().enumerate() {
             // An episode that says it is longer than the data ends with them.
             let episode = episode.start.min(n)..episode.end.min(n);
@@ -192,7 +203,7 @@ impl Pool {
                     self.segment(nodes[t], nodes[end], name);
                 }
             }
-            self.visits(&nodes, episode, data.usable);
+            self.visits(nodes, episode, data.usable);
         }
     }
 
@@ -255,10 +266,10 @@ impl Pool {
         }
     }
 
-    /// Takes from trajectories how often a walk that leaves a node towards another one comes to
-    /// it within twice the lag. To be called once their ways are [added](Self::add).
-    pub fn aim(&mut self, data: &Segments<'_>) {
-        let (nodes, _) = self.nearest(data);
+    /// Takes from trajectories whose ways are taken in how often a walk that leaves a node towards
+    /// another one comes to it within twice the lag.
+    fn aim(&mut self, data: &Segments<'_>, nodes: &[u32]) {
+        let n = nodes.len().min(data.places.len());
         let mut ends: Vec<Vec<u32>> = vec![vec![]; self.len()];
         for (&(from, to), way) in &self.ways {
             if self.is_edge(way) {
@@ -266,7 +277,7 @@ impl Pool {
             }
         }
         for episode in data.episodes {
-            let episode = episode.start.min(nodes.len())..episode.end.min(nodes.len());
+            let episode = episode.start.min(n)..episode.end.min(n);
             for t in episode.start..episode.end.saturating_sub(2 * self.rule.lag) {
                 let node = nodes[t];
                 if nodes[t + 1] == node || !(data.usable)(t) {
@@ -452,170 +463,4 @@ fn between(from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
 fn cosine(a: [f32; 2], b: [f32; 2]) -> f32 {
     let lengths = a[0].hypot(a[1]) * b[0].hypot(b[1]);
     (a[0] * b[0] + a[1] * b[1]) / lengths.max(1e-6)
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-    use rand::SeedableRng;
-    use rand_pcg::Pcg64Mcg;
-
-    use super::*;
-
-    const RULE: EdgeRule = EdgeRule {
-        lag: 5,
-        min_count: 1,
-        min_trajectories: 1,
-        least_success: 0.0,
-    };
-
-    /// Rows on a line, one latent per metre.
-    fn add(pool: &mut Pool, xs: &[f32], episodes: &[Range<usize>]) {
-        let places: Vec<[f32; 2]> = xs.iter().map(|x| [*x, 0.0]).collect();
-        let data = Segments {
-            latents: xs,
-            places: &places,
-            episodes,
-            names: &|number| number as u64,
-            usable: &|_| true,
-        };
-        pool.add(&data);
-        pool.aim(&data);
-    }
-
-    /// From 0 to `end` metres and back, 0.1 m a step.
-    fn there_and_back(end: usize) -> Vec<f32> {
-        (0..=10 * end)
-            .chain((0..10 * end).rev())
-            .map(|i| i as f32 * 0.1)
-            .collect()
-    }
-
-    #[test]
-    fn a_walk_there_and_back_links_its_nodes() {
-        let mut pool = Pool::new(1, vec![0.0, 1.0, 2.0], RULE);
-        let xs = there_and_back(2);
-        add(&mut pool, &xs, &[0..xs.len()]);
-        let (graph, share, added) = pool.renew();
-        assert_eq!((graph.len(), share, added), (3, 1.0, 0));
-        assert!(graph.edge(0, 1).is_some() && graph.edge(1, 0).is_some());
-        assert!(graph.edge(0, 2).is_none(), "too far for a segment");
-        let edge = graph.edge(0, 1).unwrap();
-        // In node 0 at rows 0 to 5, in node 1 from row 6 on.
-        assert_eq!((edge.mean_steps, edge.least_steps), (6.0, 6.0));
-        assert_eq!(edge.reachability, 1.0);
-        assert!((graph.places[1][0] - 1.0).abs() < 0.1);
-    }
-
-    #[test]
-    fn segments_never_cross_an_episodes_end() {
-        let xs = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0];
-        let edges = |episodes: &[Range<usize>]| {
-            let mut pool = Pool::new(1, vec![0.0, 1.0], EdgeRule { lag: 1, ..RULE });
-            add(&mut pool, &xs, episodes);
-            pool.renew().0.edges.len()
-        };
-        assert_eq!(edges(&[0..6]), 2);
-        assert_eq!(edges(&[0..2, 2..4, 4..6]), 0);
-    }
-
-    #[test]
-    fn tries_count_and_old_ones_are_forgotten() {
-        let mut pool = Pool::new(1, vec![0.0, 1.0], RULE);
-        let xs = there_and_back(1);
-        add(&mut pool, &xs, &[0..xs.len()]);
-        assert!(pool.record(0, 1, true, 4) && pool.record(0, 1, true, 6));
-        assert!(!pool.record(0, 7, true, 4), "no such way");
-        let edge = *pool.renew().0.edge(0, 1).unwrap();
-        assert_eq!(
-            (edge.tried, edge.reached, edge.rollout_steps),
-            (2.0, 2.0, 5.0)
-        );
-        for _ in 0..200 {
-            pool.record(0, 1, false, 40);
-        }
-        let edge = *pool.renew().0.edge(0, 1).unwrap();
-        assert!(edge.tried <= MEMORY && edge.reached < 0.01, "{edge:?}");
-    }
-
-    #[test]
-    fn an_edge_that_fails_is_dropped_where_the_rule_says_so() {
-        for (least_success, nodes) in [(0.0, 3), (0.1, 2)] {
-            let mut pool = Pool::new(
-                1,
-                vec![0.0, 1.0, 2.0],
-                EdgeRule {
-                    least_success,
-                    ..RULE
-                },
-            );
-            let xs = there_and_back(2);
-            add(&mut pool, &xs, &[0..xs.len()]);
-            (0..9).for_each(|_| assert!(pool.record(1, 2, false, 40)));
-            let (graph, ..) = pool.renew();
-            assert_eq!(graph.len(), nodes, "node 2 cannot be reached any more");
-        }
-    }
-
-    #[test]
-    fn states_at_new_places_become_nodes_and_old_ids_stay() {
-        let mut pool = Pool::new(1, vec![0.0, 1.0], RULE);
-        let xs = there_and_back(1);
-        add(&mut pool, &xs, &[0..xs.len()]);
-        let before = pool.renew().0;
-        pool.let_grow(Growth {
-            radius: 0.6,
-            min_states: 3,
-            min_trajectories: 2,
-            max_nodes: 4,
-        });
-        let xs = there_and_back(6);
-        add(&mut pool, &xs, &[0..xs.len()]);
-        assert_eq!(pool.renew().2, 0, "one trajectory is not enough");
-        let twice = [xs.clone(), xs.clone()].concat();
-        let episodes = [0..xs.len(), xs.len()..2 * xs.len()];
-        add(&mut pool, &twice, &episodes);
-        let (_, _, added) = pool.renew();
-        assert_eq!(added, 2, "up to max_nodes");
-        add(&mut pool, &twice, &episodes);
-        let (graph, share, _) = pool.renew();
-        assert_eq!((graph.len(), share), (4, 1.0));
-        assert_eq!(graph.ids[..2], before.ids[..]);
-        assert_ne!(graph.structure(), before.structure());
-        assert_eq!(graph.version, 4);
-    }
-
-    #[test]
-    fn wrong_edges_are_as_many_as_asked_for() {
-        let mut pool = Pool::new(1, (0..10).map(|i| i as f32).collect(), RULE);
-        let xs = there_and_back(9);
-        add(&mut pool, &xs, &[0..xs.len()]);
-        let right = pool.renew().0.edges.len();
-        let mut rng = Pcg64Mcg::seed_from_u64(0);
-        let added = pool.add_wrong_edges(0.5, &mut rng);
-        assert_eq!(added, right.div_ceil(2));
-        assert_eq!(pool.renew().0.edges.len(), right + added);
-    }
-
-    proptest! {
-        #[test]
-        fn every_node_of_a_graph_reaches_every_other(
-            xs in proptest::collection::vec(0.0_f32..6.0, 30..120), cut in 5..25_usize,
-        ) {
-            let centroids = vec![0.5, 1.5, 2.5, 3.5, 4.5, 5.5];
-            let mut pool = Pool::new(1, centroids, EdgeRule { lag: 2, ..RULE });
-            add(&mut pool, &xs, &[0..cut, cut..xs.len()]);
-            let (graph, ..) = pool.renew();
-            prop_assert_eq!(graph.offsets.len(), graph.len() + 1);
-            prop_assert_eq!(graph.offsets[graph.len()] as usize, graph.edges.len());
-            for edge in &graph.edges {
-                prop_assert!((0.0..=1.0).contains(&edge.reachability));
-                prop_assert!(edge.least_steps <= edge.mean_steps);
-            }
-            for goal in 0..graph.len() as u32 {
-                let distances = graph.distances_to(goal, |_| 1.0);
-                prop_assert!(distances.iter().all(|d| d.is_finite()));
-            }
-        }
-    }
 }

@@ -104,6 +104,8 @@ impl Run<'_> {
         }
         self.finished = true;
         self.save();
+        dataset::prepared::remove(folder);
+        dataset::prepared::remove(folder);
         self.progress
             .print(&format!("all of it is in {}", folder.display()));
         Ok(ExitCode::SUCCESS)

@@ -3,7 +3,9 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
+use anyhow::Context;
 use config::Config;
+use dataset::{Loaded, prepared};
 use runs::folder;
 use runs::times::Times;
 
@@ -14,8 +16,12 @@ use super::{collect, salvage};
 use crate::interrupts::Interrupts;
 use crate::{check, output};
 
-/// Launches a run and waits for its end.
-pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
+/// Launches a run and waits for its end. `data` are its data set's, if it existed.
+pub(crate) fn launch(
+    config: &Config,
+    data: Option<Loaded>,
+    plain: bool,
+) -> anyhow::Result<ExitCode> {
     output::detach();
     let interrupts = Interrupts::listen()?;
     clear_dead();
@@ -31,12 +37,19 @@ pub(crate) fn launch(config: &Config, plain: bool) -> anyhow::Result<ExitCode> {
         },
         ..RunProgress::default()
     };
+    let data = match data {
+        None => check::data(config)?,
+        data => data,
+    };
     let folder = folder::create(config)?;
     outln!(
         "run {} with config {}",
         folder.path.display(),
         config.hash()
     );
+    if let Some(data) = data {
+        prepared::save(&folder.path, &data)?;
+    }
     host(config, &folder, progress, interrupts, plain)
 }
 
@@ -71,6 +84,13 @@ pub(crate) fn resume(
         config.hash()
     );
     notes.iter().for_each(|note| outln!("{note}"));
+    let plan = agents::plan(&config).context("the config's algorithm is unknown")?;
+    if let Some(needs) = plan.needs()
+        && !prepared::is_fresh(&folder.path, &config, &needs)
+        && let Some(data) = check::data(&config)?
+    {
+        prepared::save(&folder.path, &data)?;
+    }
     host(&config, &folder, progress, interrupts, plain)
 }
 

@@ -202,6 +202,8 @@ impl Stage for Training {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use dataset::Shape;
     use maze::PointBody;
 
@@ -239,6 +241,7 @@ mod tests {
         let parts = Parts::new(1);
         let inputs = Inputs {
             data: &data,
+            folder: Path::new(""),
             parts: &parts,
             in_rounds: false,
         };
@@ -330,6 +333,7 @@ mod tests {
         let parts = Parts::new(1);
         let inputs = Inputs {
             data: &data,
+            folder: Path::new(""),
             parts: &parts,
             in_rounds: false,
         };

@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use dataset::{Dataset, Starts};
-use graph::{Graph, kmeans};
+use graph::Graph;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 use simulator::Body;
 
 use super::checkpoint::{self, Given};
+use super::codes::{self, Codes};
 use super::low::{self, Low, Policy, Sample, Subgoal};
 use super::vae::{self, Encoder, Shape};
 use crate::stage::{Inputs, Metrics, Progress, Publication, Stage, StageError};
@@ -53,9 +54,7 @@ struct LowStage {
     setup: Setup,
     data: Arc<Dataset>,
     graph: Arc<Graph>,
-    /// Latents of all rows, and their nodes.
-    latents: Vec<f32>,
-    nodes: Vec<u32>,
+    codes: Codes,
     starts: Starts,
     low: Low,
     rng: Pcg64Mcg,
@@ -79,9 +78,9 @@ pub(super) fn start(
         return Ok(Box::new(Given { network, weights }));
     }
     let shape = Shape::new(dz, &setup.encoder.hidden);
-    let encoder = inputs.parts.weights(setup.networks[0]);
-    let encoder = encoder.and_then(|weights| Encoder::new(shape, &weights.values));
-    let mut encoder = encoder.ok_or(StageError::Shape("encoder"))?;
+    let weights = inputs.parts.weights(setup.networks[0]);
+    let weights = weights.map_or(&[][..], |weights| &weights.values);
+    let mut encoder = Encoder::new(shape, weights).ok_or(StageError::Shape("encoder"))?;
     let saved = saved.and_then(|saved| postcard::from_bytes::<Saved>(saved).ok());
     let first = saved.as_ref().and_then(|saved| {
         let graph = Graph::from_bytes_of(&saved.graph, dz).ok()?;
@@ -97,19 +96,14 @@ pub(super) fn start(
             steps: 1,
         });
     };
-    let mut latents = Vec::with_capacity(data.len() * dz);
-    encoder.encode((0..data.len()).map(|row| data.place(row)), &mut latents);
-    let mut nodes = vec![0_u32; data.len()];
-    let mut distances = vec![0.0; data.len()];
-    kmeans::assign(&latents, dz, &graph.latents, &mut nodes, &mut distances);
+    let codes = codes::of(inputs.folder, &data, weights, &mut encoder, &graph);
     let mut rng = stream(setup.seed, "low", 0);
     let low = Low::new(setup.body, dz, setup.arrival_radius, l.clone(), &mut rng);
     let mut stage = LowStage {
         setup,
         data,
         graph,
-        latents,
-        nodes,
+        codes,
         starts,
         low,
         rng,
@@ -143,7 +137,7 @@ impl LowStage {
         let (row, end) = self.starts.draw(rng);
         let later = (row + rng.random_range(1..=reach)).min(end - 1);
         let snapped = rng.random::<f64>() < l.snap;
-        let node = snapped.then(|| self.nodes[later]);
+        let node = snapped.then(|| self.codes.nodes[later]);
         let mut pick: f32 = rng.random();
         let mut value_goal = self.data.place(row);
         for (goal, share) in VALUE_GOALS.into_iter().enumerate() {
@@ -190,7 +184,7 @@ impl Stage for LowStage {
         drawn.clear();
         drawn.extend((0..batch).map(|_| self.draw()));
         let (data, graph, dz) = (&self.data, &self.graph, self.setup.encoder.latent);
-        let latent = |row: usize| &self.latents[row * dz..(row + 1) * dz];
+        let latent = |row: usize| &self.codes.latents[row * dz..(row + 1) * dz];
         let sample = |drawn: &Drawn| Sample {
             observation: data.observation(drawn.row),
             action: data.action(drawn.row),

@@ -10,6 +10,7 @@
 
 pub mod checkpoint;
 pub mod choice;
+mod codes;
 mod encoder_stage;
 pub mod execution;
 pub mod graph;

@@ -7,7 +7,7 @@ use super::{XY, next};
 use crate::error::io_error;
 use crate::fault::Faults;
 use crate::hdf5::{Key, OtherFiles, Reader, Width};
-use crate::{Dataset, DatasetError, Dropped, OnFault, Shape, episodes};
+use crate::{Array, Dataset, DatasetError, Dropped, OnFault, Shape, episodes};
 
 /// What is said where a key is missing.
 const LAYOUT: &str = "D4RL's layout wants observations, actions, rewards and terminals, Minari's \
@@ -80,20 +80,18 @@ pub(crate) fn from_reader(
         None => Shape::vectors(observations.width, actions.width),
     };
     let mut data = Dataset::new(shape);
-    let marks = if image.is_some() {
-        [data.images] = reader.values([&observations], &faults)?;
+    if image.is_some() {
+        let [bytes] = reader.values([&observations], &faults)?;
+        data.images = bytes.into();
         data.image_places = pairs(&one(places, &faults)?);
-        let marks;
-        [data.actions, data.rewards, marks] =
-            reader.values([&actions, &rewards, &terminals], &faults)?;
-        marks
     } else {
-        let marks;
-        [data.observations, data.actions, data.rewards, marks] =
-            reader.values([&observations, &actions, &rewards, &terminals], &faults)?;
-        marks
-    };
-    data.terminals = marks.iter().map(|value| *value > 0.0).collect();
+        let [values] = reader.values([&observations], &faults)?;
+        data.observations = values.into();
+    }
+    let [values, gains, marks] = reader.values([&actions, &rewards, &terminals], &faults)?;
+    data.actions = values.into();
+    data.rewards = gains.into();
+    data.terminals = marks.iter().map(|value: &f32| *value > 0.0).collect();
     let mut last = jumps(&data);
     if image.is_none() {
         let next = optional("next_observations", n, observations.width);
@@ -110,8 +108,8 @@ pub(crate) fn from_reader(
     faults.drop_rows(reader.path(), data)
 }
 
-fn pairs(values: &[f32]) -> Vec<[f32; 2]> {
-    values.as_chunks::<2>().0.to_vec()
+fn pairs(values: &[f32]) -> Array<[f32; 2]> {
+    values.as_chunks::<2>().0.to_vec().into()
 }
 
 /// Whether the body is elsewhere in the next row.

@@ -95,7 +95,7 @@ impl Conversion {
             }
             row[..2].copy_from_slice(&place);
         }
-        for place in data.image_places.iter_mut().chain(&mut data.goals) {
+        for place in data.image_places.iter_mut().chain(data.goals.iter_mut()) {
             *place = own(*place);
         }
     }

@@ -6,6 +6,8 @@ use config::{Config, Misfit};
 use maze::{CELL_SIZE, Layout, LayoutError};
 
 use super::{Body, Expect, Number, Share, Unfit, check, suffices};
+use crate::error::io_error;
+use crate::prepared::Stamp;
 use crate::{Dataset, DatasetError, Opened, open_with};
 
 /// What an algorithm needs of its data.
@@ -24,6 +26,8 @@ pub struct Loaded {
     pub data: Dataset,
     /// A sentence each, with the path.
     pub notes: Vec<String>,
+    /// What they were made from.
+    pub stamp: Stamp,
 }
 
 /// Why a run has no data.
@@ -47,21 +51,23 @@ pub enum LoadError {
     },
 }
 
-/// Reads the data set of a config and has it checked, converted and cut: the same data for every
-/// process that asks.
+/// Reads the data set of a config and has it checked, converted and cut. [`crate::prepared::save`]
+/// puts the data where all processes of a run find them.
 ///
 /// # Errors
 /// A file that cannot be read, and data that do not fit the run; with `dataset.fit = "warn"` only
 /// those that nothing can be learnt from.
 pub fn load_for(config: &Config, needs: &Needs) -> Result<Loaded, LoadError> {
     let path = Path::new(&config.dataset.path);
+    // Before the file is read: what changes meanwhile is seen.
+    let stamp = Stamp::of(config, needs).map_err(|error| io_error(path, error))?;
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
     let Opened { data, dropped, .. } = open_with(path, config.dataset.on_fault)?;
-    let mut loaded = prepare(config, needs, path, &layout, data)?;
+    let (data, mut notes) = prepare(config, needs, path, &layout, data)?;
     if dropped.episodes > 0 {
-        loaded.notes.insert(0, dropped.to_string());
+        notes.insert(0, dropped.to_string());
     }
-    Ok(loaded)
+    Ok(Loaded { data, notes, stamp })
 }
 
 fn prepare(
@@ -70,7 +76,7 @@ fn prepare(
     path: &Path,
     layout: &Layout,
     data: Dataset,
-) -> Result<Loaded, LoadError> {
+) -> Result<(Dataset, Vec<String>), LoadError> {
     let expect = Expect {
         body: Body::named(&config.run.simulator),
         maze: &config.maze.layout,
@@ -110,7 +116,7 @@ fn prepare(
         .into_iter()
         .map(|note| format!("{}: {note}", path.display()))
         .collect();
-    Ok(Loaded { data, notes })
+    Ok((data, notes))
 }
 
 /// A word on rows that are in no episode long enough, where they are many.

@@ -356,7 +356,7 @@ fn of_a_point_places_jumps_and_actions_are_looked_at() {
     };
     assert_eq!(suffices(&data, &expect), Ok(()));
     let still = Dataset {
-        observations: vec![0.0; data.observations.len()],
+        observations: vec![0.0; data.observations.len()].into(),
         ..data
     };
     let told = suffices(&still, &expect).unwrap_err().to_string();

@@ -20,7 +20,7 @@ fn wanted() -> Dataset {
     Dataset {
         observations: (0..4 * OBSERVATION).map(sixteenths).collect(),
         actions: (0..4 * ACTION).map(halves).collect(),
-        rewards: vec![0.0, 1.0, 0.0, 1.0],
+        rewards: vec![0.0, 1.0, 0.0, 1.0].into(),
         terminals: vec![false, true, false, true],
         episodes: vec![0..3, 3..4],
         ..Dataset::new(Shape::ant())

@@ -92,16 +92,16 @@ pub(super) fn room(
 ) -> Result<Flat<'_>, std::collections::TryReserveError> {
     let [observation, action] = [data.shape().observation(), data.shape().action()];
     match data.shape().element() {
-        Element::F32 => data.observations = zeros(rows * observation)?,
+        Element::F32 => data.observations = zeros(rows * observation)?.into(),
         Element::U8 => {
-            data.images = zeros(rows * observation)?;
-            data.image_places = zeros(rows)?;
+            data.images = zeros(rows * observation)?.into();
+            data.image_places = zeros(rows)?.into();
         }
     }
-    data.actions = zeros(rows * action)?;
-    data.rewards = zeros(rows)?;
+    data.actions = zeros(rows * action)?.into();
+    data.rewards = zeros(rows)?.into();
     data.terminals = zeros(rows)?;
-    data.goals = zeros(rows)?;
+    data.goals = zeros(rows)?.into();
     Ok(Flat {
         widths: [observation, action],
         observations: &mut data.observations,

@@ -95,7 +95,7 @@ pub(crate) fn read_with(
     };
     let mut data = Dataset::new(shape);
     match observations.values {
-        Values::Floats(values) => data.observations = values,
+        Values::Floats(values) => data.observations = values.into(),
         Values::Bytes(images) => {
             let entry = Entry {
                 layout: PLACES,
@@ -106,11 +106,11 @@ pub(crate) fn read_with(
             let states = positions.values.into_floats();
             let states = states.chunks_exact(positions.width);
             data.image_places = states.map(|state| [state[0], state[1]]).collect();
-            data.images = images;
+            data.images = images.into();
         }
     }
-    data.actions = actions.values.into_floats();
-    data.rewards = vec![0.0; rows];
+    data.actions = actions.values.into_floats().into();
+    data.rewards = vec![0.0; rows].into();
     data.terminals = vec![false; rows];
     data.episodes = episodes(&ends);
     faults.drop_rows(path, data)

@@ -3,10 +3,11 @@
 mod settings;
 mod tries;
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::Dataset;
+use dataset::{Codes, Dataset};
 use graph::kmeans;
 use graph::{EdgeRule, Graph, GraphError, Growth, Pool, Segments, StateRule};
 use serde::{Deserialize, Serialize};
@@ -66,7 +67,13 @@ impl Rule {
     }
 
     /// Nodes and ways of a data set. With `[graph] online` they may grow.
-    fn pool(&self, data: &Dataset, encoder: &mut Encoder) -> Result<Pool, BuildError> {
+    fn pool(
+        &self,
+        data: &Dataset,
+        encoder: &mut Encoder,
+        weights: &[f32],
+        folder: &Path,
+    ) -> Result<Pool, BuildError> {
         let (g, dz) = (&self.settings, self.encoder.latent);
         let places = data.places();
         let upright = |row: usize| self.body.upright(data.observation(row));
@@ -85,7 +92,7 @@ impl Rule {
             moving: rows.len(),
             reason,
         })?;
-        let spacing = spacing(&points, dz, &clusters.centroids);
+        let spacing = spacing(clusters.distances);
         let rule = EdgeRule {
             lag: g.lag,
             min_count: g.min_count,
@@ -100,8 +107,7 @@ impl Rule {
             names: &|number| number as u64,
             usable: &|row| upright(row) >= UPRIGHT,
         };
-        pool.add(&segments);
-        pool.aim(&segments);
+        let nearest = pool.begin(&segments);
         if g.wrong_edges > 0.0 {
             pool.add_wrong_edges(g.wrong_edges, &mut stream(self.seed, "wrong edges", 0));
         }
@@ -112,6 +118,12 @@ impl Rule {
                 min_trajectories: NODE_TRAJECTORIES,
                 max_nodes: g.max_nodes,
             });
+        }
+        // Before the graph is published, so that its readers find the file and need not wait for it.
+        let (graph, ..) = pool.clone().renew();
+        let nodes = nearest.within(&latents, &graph);
+        if let Err(error) = Codes::save(folder, [weights, &graph.latents], &latents, &nodes) {
+            log::warn!("{error}; the learner computes what would be in it");
         }
         Ok(pool)
     }
@@ -127,11 +139,9 @@ impl Rule {
     }
 }
 
-/// The latent distance from its node that all but a few states lie within.
-fn spacing(points: &[f32], dz: usize, centroids: &[f32]) -> f32 {
-    let n = points.len() / dz.max(1);
-    let (mut nodes, mut distances) = (vec![0; n], vec![0.0; n]);
-    kmeans::assign(points, dz, centroids, &mut nodes, &mut distances);
+/// The latent distance from its node that all but a few states lie within, of squared distances.
+fn spacing(mut distances: Vec<f32>) -> f32 {
+    let n = distances.len();
     let at = ((n as f64 * WITHIN) as usize).min(n.saturating_sub(1));
     distances.sort_unstable_by(f32::total_cmp);
     distances.get(at).map_or(0.0, |squared| squared.sqrt())
@@ -154,9 +164,15 @@ impl GraphRule for Rule {
         Duration::from_secs_f64(self.settings.refresh_seconds)
     }
 
-    fn build(&self, data: &Dataset, parts: &Parts) -> Result<Box<dyn GraphWork>, BuildError> {
+    fn build(
+        &self,
+        data: &Dataset,
+        parts: &Parts,
+        folder: &Path,
+    ) -> Result<Box<dyn GraphWork>, BuildError> {
         let mut encoder = self.encoder(parts)?;
-        let pool = self.pool(data, &mut encoder)?;
+        let weights = parts.weights(self.network).ok_or(BuildError::Encoder)?;
+        let pool = self.pool(data, &mut encoder, &weights.values, folder)?;
         Ok(Box::new(Work {
             online: self.settings.online.then_some((encoder, self.body)),
             pool,

@@ -1,0 +1,144 @@
+//! A run's data as one mapped file in its folder: read, checked, converted and cut once by the
+//! launcher, and shared by all processes that learn from them.
+
+mod stamp;
+#[cfg(test)]
+mod tests;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use config::Config;
+use serde::{Deserialize, Serialize};
+
+use crate::mapped::{self, Mapped, Values};
+use crate::{Dataset, Element, Loaded, MappedError, Needs, Shape, codes};
+pub use stamp::Stamp;
+
+/// The file in a run's folder.
+const FILE: &str = "data.mapped";
+const KIND: &str = "data set";
+
+/// What is to be known about the arrays.
+#[derive(Serialize, Deserialize)]
+struct About {
+    stamp: Stamp,
+    sides: Vec<u64>,
+    /// Whether observations are images.
+    images: bool,
+    action: u64,
+    rows: u64,
+}
+
+/// Where the prepared data of the run in a folder are.
+fn file(run: &Path) -> PathBuf {
+    run.join(FILE)
+}
+
+/// Writes the data into a run's folder, whole or not at all, and removes what was computed of others.
+///
+/// # Errors
+/// What the system refuses: a full disk above all.
+pub fn save(run: &Path, loaded: &Loaded) -> Result<(), MappedError> {
+    codes::remove(run);
+    let data = &loaded.data;
+    let shape = data.shape();
+    let about = About {
+        stamp: loaded.stamp.clone(),
+        sides: shape.sides().iter().map(|side| *side as u64).collect(),
+        images: shape.element() == Element::U8,
+        action: shape.action() as u64,
+        rows: data.len() as u64,
+    };
+    let terminals: Vec<u8> = data.terminals.iter().map(|flag| u8::from(*flag)).collect();
+    let ends: Vec<u64> = data.episodes.iter().map(|rows| rows.end as u64).collect();
+    let arrays = [
+        Values::new("observations", &data.observations),
+        Values::new("images", &data.images),
+        Values::new("image_places", &data.image_places),
+        Values::new("actions", &data.actions),
+        Values::new("rewards", &data.rewards),
+        Values::new("terminals", &terminals),
+        Values::new("goals", &data.goals),
+        Values::new("episode_ends", &ends),
+    ];
+    mapped::write(&file(run), KIND, &about, &arrays)
+}
+
+/// Maps the data of the run in a folder.
+///
+/// # Errors
+/// A file that is missing, cut off, damaged or of another version.
+pub fn open(run: &Path) -> Result<Dataset, MappedError> {
+    let file = Mapped::open(&file(run), KIND)?;
+    let about: About = file.about()?;
+    let wrong = || file.damaged("its arrays are not of one length");
+    let count = |value: u64| usize::try_from(value).map_err(|_| wrong());
+    let sides = about.sides.iter().map(|side| count(*side));
+    let sides: Vec<usize> = sides.collect::<Result<_, _>>()?;
+    let (rows, action) = (count(about.rows)?, count(about.action)?);
+    let least = if about.images { 1 } else { 2 };
+    let width = sides
+        .iter()
+        .try_fold(1_usize, |all, side| all.checked_mul(*side));
+    let width = width.filter(|width| *width >= least).ok_or_else(wrong)?;
+    let shape = match (about.images, sides.as_slice()) {
+        (true, sides) => Shape::images(sides, action),
+        (false, [side]) => Shape::vectors(*side, action),
+        (false, _) => return Err(wrong()),
+    };
+    let mut data = Dataset::new(shape);
+    data.observations = file.array("observations")?;
+    data.images = file.array("images")?;
+    data.image_places = file.array("image_places")?;
+    data.actions = file.array("actions")?;
+    data.rewards = file.array("rewards")?;
+    data.goals = file.array("goals")?;
+    let terminals = file.array::<u8>("terminals")?;
+    data.terminals = terminals.iter().map(|flag| *flag != 0).collect();
+    let [vectors, images] = if about.images { [0, rows] } else { [rows, 0] };
+    let lengths = [
+        (data.observations.len(), vectors, width),
+        (data.images.len(), images, width),
+        (data.image_places.len(), images, 1),
+        (data.actions.len(), rows, action),
+        (data.rewards.len(), rows, 1),
+        (data.terminals.len(), rows, 1),
+    ];
+    let right =
+        |(length, rows, width): (usize, usize, usize)| rows.checked_mul(width) == Some(length);
+    let goals = data.goals.is_empty() || data.goals.len() == rows;
+    if action == 0 || !goals || !lengths.into_iter().all(right) {
+        return Err(wrong());
+    }
+    let mut start = 0;
+    for end in &file.array::<u64>("episode_ends")? {
+        let end = count(*end)?;
+        if end <= start || end > rows {
+            return Err(file.damaged("its episodes are not its rows"));
+        }
+        data.episodes.push(start..end);
+        start = end;
+    }
+    if start != rows {
+        return Err(file.damaged("its episodes are not its rows"));
+    }
+    Ok(data)
+}
+
+/// Whether a run's folder holds whole data of the config's data set as it is now.
+#[must_use]
+pub fn is_fresh(run: &Path, config: &Config, needs: &Needs) -> bool {
+    let stamp = Mapped::open(&file(run), KIND).and_then(|file| file.about::<About>());
+    match (stamp, Stamp::of(config, needs)) {
+        (Ok(about), Ok(stamp)) => about.stamp == stamp && open(run).is_ok(),
+        _ => false,
+    }
+}
+
+/// Removes the data from a run's folder, and what was computed of them: they can be made again.
+pub fn remove(run: &Path) {
+    codes::remove(run);
+    // What cannot be removed is of no harm.
+    let _ = fs::remove_file(file(run));
+}
