@@ -57,14 +57,16 @@ fn soak(seconds: u64) {
         "descriptors grow: {first:?} {last:?}"
     );
     assert_eq!(last[2], first[2], "shared memory grows");
-    if seconds > 600 {
-        let [first, last] = [rates[0], rates[rates.len() - 1]];
-        assert!(last > 0.95 * first, "it slows down: {rates:.0?}");
-    }
+    // Other work on the machine shows in windows of seconds, not in those of minutes.
+    let least = if seconds > 600 { 0.95 } else { 0.7 };
+    let half = rates.len() / 2;
+    let mean = |rates: &[f64]| rates.iter().sum::<f64>() / rates.len() as f64;
+    let (first, last) = (mean(&rates[..half]), mean(&rates[half..]));
+    assert!(last > least * first, "it slows down: {rates:.0?}");
 }
 
 #[test]
-fn a_minute_of_full_load_leaves_memory_as_it_is() {
+fn a_minute_of_full_load_leaves_memory_and_throughput_as_they_are() {
     let _one = one_at_a_time();
     soak(45);
 }
