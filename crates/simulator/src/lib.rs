@@ -4,11 +4,13 @@
 //! observation is read. Neither knows an algorithm, a process or a file.
 
 mod body;
+mod rows;
 mod space;
 
 use rand::Rng;
 
 pub use body::{Body, Frame, Part, Shape};
+pub use rows::{Row, RowBuffer, RowLayout, RowValues, Rows, flags};
 pub use space::{Dtype, Space, Spaces, SpacesError, Values};
 
 /// Which tasks an episode is drawn from.
