@@ -32,7 +32,7 @@ impl Drive {
         }
     }
 
-    /// What tells behaviours apart in the files of collected data.
+    /// Identifies the behaviour in a file of collected data.
     pub(crate) fn hash(&self) -> String {
         match self {
             Self::Walker(walker) => walker.hash(),

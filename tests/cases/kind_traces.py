@@ -347,7 +347,7 @@ def values_that_no_ant_has_give_sentences(bench):
         assert bench.formica("inspect", f"{name}.mcap", "--picture", f"{name}.svg").code in (0, 3)
         bench.formica("inspect", "--json", f"{name}.mcap")
         assert bench.formica("replay", f"{name}.mcap").code in (1, 3)
-    bench.formica("inspect", "wide.mcap").says("29 values of an ant")
+    bench.formica("inspect", "wide.mcap").says("29 values of the simulator")
     bench.formica("inspect", "nan.mcap").says("tell no place")
     bench.formica("inspect", "junk.mcap").fails(3, "cannot be decoded")
 

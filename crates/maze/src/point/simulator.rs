@@ -234,8 +234,8 @@ mod tests {
         }
         assert_eq!(point.observation[1], RADIUS - 2.0);
         let before = point.observation[0];
-        let told = point.step(&[0.5, -1.0]);
-        assert!((point.observation[0] - before - 0.1).abs() < 1e-6 && !told.success);
+        let step = point.step(&[0.5, -1.0]);
+        assert!((point.observation[0] - before - 0.1).abs() < 1e-6 && !step.success);
         assert_eq!(point.observation[3], 0.0);
         assert!(gap(&layout, [point.observation[0], point.observation[1]]) >= RADIUS - 1e-4);
     }
