@@ -17,16 +17,11 @@ mod walker;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 use anyhow::Context;
 use config::Config;
 use maze::Layout;
-use simulator::Simulator;
 use wire::{Bus, RunDomain};
-
-/// Time between two words on how it is and where its ant is.
-pub(crate) const PULSE: Duration = Duration::from_millis(200);
 
 /// What an actor is told: by the launcher, its place in a run; by anyone else, a run to attach to.
 #[derive(Debug, Clone, clap::Args)]
@@ -100,16 +95,6 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
 pub fn layout(config: &Config) -> anyhow::Result<Layout> {
     let layout = Layout::of(&config.maze.layout, &config.maze.rows);
     layout.context("maze")
-}
-
-/// An instance of the run's simulator.
-///
-/// # Errors
-/// A simulator that this version does not have.
-pub(crate) fn simulator(config: &Config, layout: &Layout) -> anyhow::Result<Box<dyn Simulator>> {
-    let radius = config.evaluation.success_radius as f32;
-    let simulator = simulators::create(&config.run.simulator, layout, radius);
-    simulator.with_context(|| format!("no simulator '{}'", config.run.simulator))
 }
 
 #[cfg(test)]

@@ -4,19 +4,22 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use agents::{Plan, Policy, stream};
+use anyhow::Context;
 use config::Config;
 use maze::Layout;
 use rand_pcg::Pcg64Mcg;
-use simulator::{Task, Tasks};
+use simulator::{Simulator, Task, Tasks};
 use wire::{
     Bus, Claim, Directive, DirectiveSubscriber, Drained, EpisodeResult, Metric, Phase, Reporter,
     Role, State, Status, TrajectoryHeader, TrajectorySender, Versions,
 };
 
-use crate::PULSE;
 use crate::episode::{Bounds, Environment, Next, Purpose, Tally};
 use crate::inbox::Inbox;
 use crate::traces::{Numbered, Traces};
+
+/// Time between two words on how it is and where its body is.
+const PULSE: Duration = Duration::from_millis(200);
 
 /// One of the actor's environments, with the policy of its episode.
 struct Slot {
@@ -123,7 +126,7 @@ fn slots(config: &Config, plan: &dyn Plan, layout: &Layout, id: u32) -> anyhow::
     let slot = |number: usize| {
         let simulator = match plan.simulator(layout, number) {
             Some(simulator) => simulator,
-            None => crate::simulator(config, layout)?,
+            None => simulator(config, layout)?,
         };
         let index = u64::from(id) << 32 | number as u64;
         let rng = stream(config.run.seed, "rollouts", index);
@@ -136,6 +139,16 @@ fn slots(config: &Config, plan: &dyn Plan, layout: &Layout, id: u32) -> anyhow::
         })
     };
     (0..environments.number).map(slot).collect()
+}
+
+/// An instance of the run's simulator.
+///
+/// # Errors
+/// A simulator that this version does not have.
+fn simulator(config: &Config, layout: &Layout) -> anyhow::Result<Box<dyn Simulator>> {
+    let radius = config.evaluation.success_radius as f32;
+    let simulator = simulators::create(&config.run.simulator, layout, radius);
+    simulator.with_context(|| format!("no simulator '{}'", config.run.simulator))
 }
 
 impl Actor<'_> {

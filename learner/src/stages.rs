@@ -62,7 +62,11 @@ impl Stages {
     /// Returns whether every command has been sent.
     pub(crate) fn flush(&mut self) -> bool {
         let queues = self.0.iter_mut().filter_map(|entry| entry.queue.as_mut());
-        queues.fold(true, |all, queue| queue.flush() && all)
+        let mut sent = true;
+        for queue in queues {
+            sent &= queue.flush();
+        }
+        sent
     }
 
     pub(crate) fn set_progress(&mut self, stage: usize, progress: Progress) {

@@ -4,6 +4,7 @@
 //! a [`Reader`] is made with.
 
 mod fault;
+mod key;
 mod names;
 mod paths;
 mod read;
@@ -12,21 +13,24 @@ mod registry;
 mod resume;
 mod run_file;
 mod sections;
+mod settings;
 mod syntax;
 mod table;
 mod text;
 mod value;
 
 pub use fault::{Fault, Faults};
+pub use key::{Key, OnResume};
 pub use paths::Paths;
 pub use reader::Document;
-pub use registry::{Registry, Settings};
-pub use resume::{Change, Key, OnResume};
+pub use registry::Registry;
+pub use resume::Change;
 pub use run_file::Reader;
 pub use sections::{
     Collect, Config, Dataset, Evaluation, Maze, Misfit, OnFault, Rollouts, Run, Supervision,
     Topology, Traces,
 };
+pub use settings::Settings;
 pub use table::Table;
 
 impl Config {

@@ -6,13 +6,12 @@ use std::path::{Path, PathBuf};
 use toml::de::{DeTable, DeValue};
 
 use crate::fault::{Fault, escaped, shown, unknown};
+use crate::key::{Key, tables_with};
 use crate::paths::Paths;
-use crate::resume::{Key, tables_with};
 use crate::syntax;
-use crate::table::Table;
 
 /// Items of a list of tables that are told as faults, and keys of a table.
-const MOST: usize = 50;
+pub(crate) const MOST: usize = 50;
 
 /// A value given by `--set`.
 pub(crate) struct Set<'t> {
@@ -52,11 +51,11 @@ pub struct Document<'t> {
     pub(crate) resolved: String,
     /// The same with the names of files in the place of their paths.
     pub(crate) portable: String,
-    tables: BTreeSet<&'static str>,
+    pub(crate) tables: BTreeSet<&'static str>,
     /// Keys as they are read.
     pub(crate) keys: Vec<Key>,
     /// Keys of every algorithm, for hints.
-    all: &'t [Key],
+    pub(crate) all: &'t [Key],
 }
 
 impl<'t> Document<'t> {
@@ -106,7 +105,7 @@ impl<'t> Document<'t> {
         self.lenient = paths.lenient;
     }
 
-    fn line(&self, offset: usize) -> usize {
+    pub(crate) fn line(&self, offset: usize) -> usize {
         syntax::line(self.text, offset)
     }
 
@@ -129,59 +128,6 @@ impl<'t> Document<'t> {
     #[must_use]
     pub fn has(&self, table: &str) -> bool {
         self.root.get(table).is_some() || self.sets.iter().any(|set| set.table == table)
-    }
-
-    /// Reads a table: `read` asks for its keys; the keys it does not ask for are faults.
-    pub fn table<T>(
-        &mut self,
-        name: &'static str,
-        read: impl FnOnce(&mut Table<'_, 't>) -> T,
-    ) -> T {
-        self.tables.insert(name);
-        let header = format!("[{name}]\n");
-        self.resolved.push_str(&header);
-        self.portable.push_str(&header);
-        let mut table = Table::new(self, name);
-        let result = read(&mut table);
-        let known = table.known();
-        self.resolved.push('\n');
-        let mut strangers = vec![];
-        if let Some((key, value)) = self.root.get_key_value(name) {
-            let line = self.line(key.span().start);
-            match value.get_ref() {
-                DeValue::Table(found) => {
-                    let found = found
-                        .keys()
-                        .filter(|key| !known.contains(&key.get_ref().as_ref()));
-                    for key in found.take(MOST) {
-                        let line = self.line(key.span().start);
-                        strangers.push((line, key.get_ref().to_string()));
-                    }
-                }
-                DeValue::Array(_) => {
-                    let message =
-                        format!("expected one table, [{name}], found a list of them, [[{name}]]");
-                    self.fault(line, name, message);
-                }
-                _ => {
-                    let message = format!("expected a table: [{name}] on a line of its own");
-                    self.fault(line, name, message);
-                }
-            }
-        }
-        for set in &self.sets {
-            if set.table == name && !known.contains(&set.key) {
-                strangers.push((0, set.key.to_owned()));
-            }
-        }
-        for (line, key) in strangers {
-            let message = match tables_with(self.all, &key).as_slice() {
-                [] => unknown("key", &key, &known),
-                tables => format!("unknown key; it belongs to [{}]", tables.join("] or [")),
-            };
-            self.fault(line, &format!("{name}.{key}"), message);
-        }
-        result
     }
 
     /// Tables that nobody asked for are faults; those of other algorithms are passed over.

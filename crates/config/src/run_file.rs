@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use crate::fault::{Fault, Faults};
+use crate::key::Key;
 use crate::paths::Paths;
 use crate::reader::Document;
 use crate::registry::Registry;
-use crate::resume::Key;
 use crate::sections::Config;
 use crate::{read, syntax, text};
 

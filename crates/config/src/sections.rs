@@ -1,7 +1,7 @@
 //! The tables that every run has, and what their keys mean; defaults and ranges stand in `read`.
 
-use crate::registry::Settings;
-use crate::resume::Key;
+use crate::key::Key;
+use crate::settings::Settings;
 
 /// `[run]`
 #[derive(Debug, Clone, PartialEq)]

@@ -2,12 +2,69 @@
 
 use std::path::Path;
 
+use toml::de::DeValue;
+
 use crate::fault::{escaped, shown, unknown};
+use crate::key::{Key, OnResume, tables_with};
 use crate::names;
 use crate::paths;
-use crate::reader::{Document, Set};
-use crate::resume::{Key, OnResume};
+use crate::reader::{Document, MOST, Set};
 use crate::value::{Value, Whole};
+
+impl<'t> Document<'t> {
+    /// Reads a table: `read` asks for its keys; the keys it does not ask for are faults.
+    pub fn table<T>(
+        &mut self,
+        name: &'static str,
+        read: impl FnOnce(&mut Table<'_, 't>) -> T,
+    ) -> T {
+        self.tables.insert(name);
+        let header = format!("[{name}]\n");
+        self.resolved.push_str(&header);
+        self.portable.push_str(&header);
+        let mut table = Table::new(self, name);
+        let result = read(&mut table);
+        let known = table.known();
+        self.resolved.push('\n');
+        let mut strangers = vec![];
+        if let Some((key, value)) = self.root.get_key_value(name) {
+            let line = self.line(key.span().start);
+            match value.get_ref() {
+                DeValue::Table(found) => {
+                    let found = found
+                        .keys()
+                        .filter(|key| !known.contains(&key.get_ref().as_ref()));
+                    for key in found.take(MOST) {
+                        let line = self.line(key.span().start);
+                        strangers.push((line, key.get_ref().to_string()));
+                    }
+                }
+                DeValue::Array(_) => {
+                    let message =
+                        format!("expected one table, [{name}], found a list of them, [[{name}]]");
+                    self.fault(line, name, message);
+                }
+                _ => {
+                    let message = format!("expected a table: [{name}] on a line of its own");
+                    self.fault(line, name, message);
+                }
+            }
+        }
+        for set in &self.sets {
+            if set.table == name && !known.contains(&set.key) {
+                strangers.push((0, set.key.to_owned()));
+            }
+        }
+        for (line, key) in strangers {
+            let message = match tables_with(self.all, &key).as_slice() {
+                [] => unknown("key", &key, &known),
+                tables => format!("unknown key; it belongs to [{}]", tables.join("] or [")),
+            };
+            self.fault(line, &format!("{name}.{key}"), message);
+        }
+        result
+    }
+}
 
 /// A path as it was given and made absolute.
 pub(crate) struct Given {

@@ -9,6 +9,7 @@ mod columns;
 mod frame;
 mod load;
 mod motion;
+mod needs;
 mod places;
 mod sample;
 mod unfit;
@@ -18,23 +19,9 @@ use maze::Layout;
 use crate::Dataset;
 pub use body::Body;
 pub use frame::{Conversion, Frame};
-pub use load::{LoadError, Loaded, Needs, load_for};
+pub use load::{LoadError, Loaded, load_for};
+pub use needs::{Expect, Needs};
 pub use unfit::{Number, Share, Unfit};
-
-/// What a run wants of its data.
-#[derive(Debug, Clone)]
-pub struct Expect<'a> {
-    /// The body of the simulator.
-    pub body: Body,
-    /// The maze's name, for messages.
-    pub maze: &'a str,
-    /// Its map.
-    pub layout: &'a Layout,
-    /// Steps that an episode must be longer than, by the config's keys.
-    pub lags: &'a [(&'static str, usize)],
-    /// Nodes of the graph.
-    pub nodes: usize,
-}
 
 /// What was found.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -1,6 +1,6 @@
 //! Every simulator, by its name.
 //!
-//! A simulator is a crate that implements [`Simulator`] and [`Body`], and one line in [`ALL`].
+//! A simulator is a type that implements [`Simulator`], with its [`Body`], and an entry in `ALL`.
 
 use maze::{AntBody, AntSimulator, Layout, PointBody, PointSimulator};
 use simulator::{Body, Simulator};

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use foxglove::messages::{
@@ -14,7 +14,7 @@ use foxglove::messages::{
     Timestamp, Vector3, log,
 };
 use mcap::records::{MessageHeader, Metadata};
-use mcap::{Attachment, Compression, WriteOptions, Writer};
+use mcap::{Attachment, Writer};
 use prost::Message;
 use simulator::Part;
 
@@ -26,8 +26,8 @@ use crate::topic::Topic;
 use crate::{EpisodeMeta, METADATA, OUTCOME, Outcome, TraceError};
 use output::{Output, refused};
 
-/// No chunk grows beyond this; one is closed each second in any case.
-const CHUNK_BYTES: u64 = 256 * 1024;
+pub(crate) use output::OPTIONS;
+
 /// Time between two flushes of what is written.
 const FLUSH: Duration = Duration::from_secs(1);
 /// Simulated time of a step (s) where the metadata have none.
@@ -35,14 +35,6 @@ const STEP_SECONDS: f32 = 0.1;
 /// Steps between two poses of /path, between two messages of it, and of the trail that each shows:
 /// a bound on the file's size.
 const TRAIL: [u32; 3] = [10, 10, 100];
-/// Made once: it counts processors, which is as much work as a hundred steps' records. LZ4 makes
-/// files a third larger than zstd at its fastest, for two fifths of the processor time.
-pub(crate) static OPTIONS: LazyLock<WriteOptions> = LazyLock::new(|| {
-    WriteOptions::new()
-        .library(concat!("formica/", env!("CARGO_PKG_VERSION")))
-        .chunk_size(Some(CHUNK_BYTES))
-        .compression(Some(Compression::Lz4))
-});
 const LAYOUT: &str = include_str!("layout.json");
 
 /// Writes a `.part` and renames it when the episode is whole.

@@ -9,8 +9,8 @@ use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 use simulator::Body;
 
-use super::Settings;
 use super::network;
+use super::settings::Settings;
 use crate::same_shape;
 use crate::stage::{Inputs, Metrics, Progress, Publication, Stage, StageError};
 use crate::stream;

@@ -2,9 +2,9 @@
 //!
 //! | file | stage |
 //! |---|---|
-//! | `vae.rs`, `encoder_stage.rs` | 1: latent encoder |
+//! | `vae/`, `encoder_stage.rs` | 1: latent encoder |
 //! | `graph/` | 2: graph of the latents |
-//! | `low.rs`, `low_stage.rs` | 3a: goal-conditioned advantage-weighted regression |
+//! | `low/`, `low_stage.rs` | 3a: goal-conditioned advantage-weighted regression |
 //! | `high/`, `high_stage.rs` | 3b: PPO with masked logits on the graph |
 //! | `navigator.rs`, `choice.rs` | execution: both levels at work |
 

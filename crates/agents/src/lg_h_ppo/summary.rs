@@ -79,7 +79,8 @@ pub(super) fn summary(setting: Lookup<'_, String>, metric: Lookup<'_, f64>) -> V
     let is = |key: &str, value: &str| {
         setting(key).is_some_and(|text| text.trim_matches(['"', '\'']) == value)
     };
-    let from = |key: &str| setting(key).is_some_and(|text| text.trim_matches(['"', '\'']) != "");
+    let from =
+        |key: &str| setting(key).is_some_and(|text| !text.trim_matches(['"', '\'']).is_empty());
     let walls = metric("graph/edges_through_walls")
         .zip(metric("graph/edges").filter(|edges| *edges > 0.0))
         .map(|(walls, edges)| 1.0 - walls / edges);

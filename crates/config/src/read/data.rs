@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use crate::key::OnResume;
 use crate::reader::Document;
-use crate::resume::OnResume;
 use crate::sections::{Collect, Dataset, Misfit, OnFault};
 use crate::value::Whole;
 

@@ -1,8 +1,8 @@
 //! What is played with what was trained: `[rollouts]`, `[evaluation]`, `[traces]`.
 
+use crate::key::OnResume::{self, Free, Protocol};
 use crate::read::optional::optional_table;
 use crate::reader::Document;
-use crate::resume::OnResume::{self, Free, Protocol};
 use crate::sections::{Evaluation, Rollouts, Traces};
 
 pub(super) fn rollouts(d: &mut Document<'_>, wanted: bool) -> Rollouts {

@@ -1,7 +1,7 @@
 //! What every run has: `[run]`, `[maze]`, `[topology]`, and how its processes are watched.
 
+use crate::key::OnResume::{Free, Rollouts};
 use crate::registry::Registry;
-use crate::resume::OnResume::{Free, Rollouts};
 use crate::sections::{Maze, Run, Supervision, Topology};
 use crate::table::Table;
 

@@ -5,19 +5,10 @@ use std::path::{Path, PathBuf};
 use config::{Config, Misfit};
 use maze::{CELL_SIZE, Layout, LayoutError};
 
-use super::{Body, Expect, Number, Share, Unfit, check, suffices};
+use super::{Body, Expect, Needs, Number, Share, Unfit, check, suffices};
 use crate::error::io_error;
 use crate::prepared::Stamp;
 use crate::{Dataset, DatasetError, Opened, open_with};
-
-/// What an algorithm needs of its data.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Needs {
-    /// Steps that an episode must be longer than, by the config's keys.
-    pub lags: Vec<(&'static str, usize)>,
-    /// Rows in which the body must be under way.
-    pub nodes: usize,
-}
 
 /// Data, and what there is to say of them.
 #[derive(Debug, Clone, PartialEq)]

@@ -140,7 +140,7 @@ pub(super) fn episode(
     reader: &Reader<'_>,
     layout: &Layout,
     found: &Found,
-    into: Flat<'_>,
+    into: &mut Flat<'_>,
 ) -> Result<(), DatasetError> {
     let steps = found.actions.rows;
     let acted = |name| {

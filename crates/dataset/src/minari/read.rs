@@ -124,9 +124,9 @@ pub(crate) fn from_reader(
         let into = flat.take(found.actions.rows + 1);
         (found, into)
     });
-    parallel::each(jobs.collect(), |(found, into)| {
+    parallel::each(jobs.collect(), |(found, mut into)| {
         let places = found.number..found.number + 1;
-        episode(reader, &layout, &found, into).or_else(|error| faults.note(places, error))
+        episode(reader, &layout, &found, &mut into).or_else(|error| faults.note(places, error))
     })?;
     data.episodes = episodes;
     faults.drop_numbers(reader.path(), data, &numbers, of)

@@ -4,6 +4,7 @@ mod build;
 mod joints;
 mod observe;
 mod physics;
+mod sets;
 #[cfg(test)]
 mod tests;
 
@@ -18,25 +19,9 @@ use crate::layout::Layout;
 use crate::teleport::{Exits, Teleports};
 use crate::{ACTION, Action, OBSERVATION, Observation};
 use build::{build_ant, build_maze};
+use sets::{BODIES, DOFS, JOINTS, ROOT, Sets};
+
 pub use physics::Physics;
-
-const BODIES: usize = 9;
-const JOINTS: usize = 8;
-/// Degrees of freedom of the free torso: linear, then angular.
-const ROOT: usize = 6;
-const DOFS: usize = ROOT + JOINTS;
-
-/// Everything of a world that changes while it is simulated.
-#[derive(Clone)]
-struct Sets {
-    islands: IslandManager,
-    broad: BroadPhaseBvh,
-    narrow: NarrowPhase,
-    bodies: RigidBodySet,
-    colliders: ColliderSet,
-    impulse: ImpulseJointSet,
-    multibody: MultibodyJointSet,
-}
 
 /// A saved state; restoring it continues bit by bit as the original did.
 #[derive(Clone)]

@@ -3,7 +3,7 @@
 use rand::{Rng, RngExt};
 use simulator::{Body, Simulator, StateError, Step, Task, Tasks, Values};
 
-use super::{PointBody, RADIUS, STRIDE};
+use super::body::{PointBody, RADIUS, STRIDE};
 use crate::arena::Arena;
 use crate::bytes::{put_floats, take_floats, take_number};
 use crate::teleport::Teleports;

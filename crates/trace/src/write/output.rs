@@ -3,11 +3,22 @@
 use std::fs::{self, File};
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
-use mcap::Writer;
+use mcap::{Compression, WriteOptions, Writer};
 
-use super::OPTIONS;
 use crate::TraceError;
+
+/// No chunk grows beyond this; one is closed each second in any case.
+const CHUNK_BYTES: u64 = 256 * 1024;
+/// Made once: it counts processors, which is as much work as a hundred steps' records. LZ4 makes
+/// files a third larger than zstd at its fastest, for two fifths of the processor time.
+pub(crate) static OPTIONS: LazyLock<WriteOptions> = LazyLock::new(|| {
+    WriteOptions::new()
+        .library(concat!("formica/", env!("CARGO_PKG_VERSION")))
+        .chunk_size(Some(CHUNK_BYTES))
+        .compression(Some(Compression::Lz4))
+});
 
 /// A file of mcap that is being written, renamed once it is whole.
 pub(super) struct Output {

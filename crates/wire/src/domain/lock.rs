@@ -3,9 +3,9 @@
 //! The lock is `flock`'s: it belongs to the file, not to a process id. A process in another PID,
 //! IPC, user or mount namespace sees it wherever it sees the file.
 
-use std::fs::{self, File, OpenOptions, Permissions, TryLockError};
+use std::fs::{self, File, Metadata, OpenOptions, Permissions, TryLockError};
 use std::io::{self, ErrorKind};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::OFlags;
@@ -55,6 +55,22 @@ pub(super) enum Sight {
     Unseen(Unseen),
 }
 
+/// What something is that should be a file.
+pub(super) fn not_a_file(about: &Metadata) -> Option<&'static str> {
+    let kind = about.file_type();
+    if kind.is_file() {
+        None
+    } else if kind.is_dir() {
+        Some("a folder")
+    } else if kind.is_symlink() {
+        Some("a symbolic link")
+    } else if kind.is_fifo() {
+        Some("a pipe")
+    } else {
+        Some("neither a file nor a folder")
+    }
+}
+
 /// Opens a lock file of a user; none where there is none. Nothing else is followed or waited for:
 /// neither a link nor a pipe.
 fn open(path: &Path, user: u32) -> Result<Option<File>, Unseen> {
@@ -67,7 +83,7 @@ fn open(path: &Path, user: u32) -> Result<Option<File>, Unseen> {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(closed(&error)),
     };
-    if let Some(what) = super::places::not_a_file(&about) {
+    if let Some(what) = not_a_file(&about) {
         let path = path.to_path_buf();
         return Err(Unseen::Strange { path, what });
     }
@@ -172,7 +188,7 @@ impl Lock {
     /// Whether the file that is held still has its name: another holder may have removed it, and
     /// somebody made a new one, before this one got the lock.
     fn is_in_place(&self) -> bool {
-        let same = |a: &fs::Metadata, b: &fs::Metadata| a.dev() == b.dev() && a.ino() == b.ino();
+        let same = |a: &Metadata, b: &Metadata| a.dev() == b.dev() && a.ino() == b.ino();
         match (self.file.metadata(), fs::symlink_metadata(&self.path)) {
             (Ok(held), Ok(named)) => same(&held, &named),
             _ => false,

@@ -2,14 +2,14 @@
 //!
 //! Neither depends on the environment: processes of one run may have another `TMPDIR` or `HOME`.
 
-use std::fs::{self, DirBuilder, Metadata, Permissions};
+use std::fs::{self, DirBuilder, Permissions};
 use std::io::ErrorKind;
-use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, PermissionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{Access, StatVfsMountFlags, access, statfs, statvfs};
 
-use super::lock::Unseen;
+use super::lock::{Unseen, not_a_file};
 use crate::WireError;
 
 /// Where the folders of sockets and names lie.
@@ -39,22 +39,6 @@ pub(super) struct Places {
 /// Whether a text can be a domain's id.
 pub(super) fn is_id(text: &str) -> bool {
     text.len() == 8 && text.bytes().all(|b| b.is_ascii_hexdigit())
-}
-
-/// What something is that should be a file.
-pub(super) fn not_a_file(about: &Metadata) -> Option<&'static str> {
-    let kind = about.file_type();
-    if kind.is_file() {
-        None
-    } else if kind.is_dir() {
-        Some("a folder")
-    } else if kind.is_symlink() {
-        Some("a symbolic link")
-    } else if kind.is_fifo() {
-        Some("a pipe")
-    } else {
-        Some("neither a file nor a folder")
-    }
 }
 
 impl Places {

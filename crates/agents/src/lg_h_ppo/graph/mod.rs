@@ -18,13 +18,11 @@ use crate::graph_rule::{BuildError, GraphRule, GraphWork};
 use crate::parts::Parts;
 use crate::rollout::Rollout;
 use crate::stream;
-use tries::Tries;
+use tries::{Tries, UPRIGHT};
 
 pub use settings::Settings;
 pub use tries::Tally;
 
-/// Below this upright value a row counts for no edge.
-const UPRIGHT: f32 = 0.3;
 /// Share of the clustered states that are nearer to their node than a graph's spacing.
 const WITHIN: f64 = 0.99;
 /// Trajectories that a new node's states come from.

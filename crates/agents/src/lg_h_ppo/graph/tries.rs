@@ -7,11 +7,12 @@ use graph::{Graph, Pool, Segments};
 use serde::{Deserialize, Serialize};
 use simulator::Body;
 
-use super::UPRIGHT;
 use crate::lg_h_ppo::choice::{Choice, Ending};
 use crate::lg_h_ppo::vae::Encoder;
 use crate::rollout::Rollout;
 
+/// Below this upright value a row counts for no edge.
+pub(super) const UPRIGHT: f32 = 0.3;
 /// Versions whose nodes are remembered: a trajectory counts nodes as its own version does.
 const REMEMBERED: usize = 64;
 

@@ -12,6 +12,7 @@ mod settings;
 #[cfg(test)]
 mod tests;
 mod walk;
+mod walking;
 
 use std::collections::HashMap;
 

@@ -2,8 +2,7 @@
 
 use nets::Workspace;
 
-use super::shape::Shape;
-use super::{CONDITION, PLACE};
+use super::shape::{CONDITION, PLACE, Shape};
 
 /// A trained encoder at work: places to latents and back.
 #[derive(Clone)]

@@ -6,6 +6,7 @@
 //! encode the displacement, which is no place to build a graph on.
 
 mod encoder;
+mod scratch;
 mod settings;
 mod shape;
 #[cfg(test)]
@@ -17,16 +18,12 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::same_shape;
+use scratch::Scratch;
+use shape::CONDITION;
 
 pub use encoder::Encoder;
 pub use settings::{Latent, Settings};
-pub use shape::Shape;
-
-/// Width of a place: x, y.
-pub const PLACE: usize = 2;
-/// Width of a condition: a standardised place and the null flag.
-const CONDITION: usize = PLACE + 1;
-const LOG_STD: std::ops::RangeInclusive<f32> = -5.0..=2.0;
+pub use shape::{PLACE, Shape};
 
 /// Means of one update.
 #[derive(Debug, Clone, Copy, Default)]
@@ -54,20 +51,6 @@ pub struct Vae {
     gradient: Vec<f32>,
     workspaces: [Workspace; 3],
     scratch: Scratch,
-}
-
-#[derive(Default)]
-struct Scratch {
-    conditions: Vec<f32>,
-    targets: Vec<f32>,
-    encoder_input: Vec<f32>,
-    decoder_input: Vec<f32>,
-    noise: Vec<f32>,
-    null: Vec<bool>,
-    posterior_gradient: Vec<f32>,
-    prior_gradient: Vec<f32>,
-    place_gradient: Vec<f32>,
-    decoder_input_gradient: Vec<f32>,
 }
 
 impl Vae {
@@ -149,44 +132,18 @@ impl Vae {
         let (decoder, prior) = rest.split_at(ends[1] - ends[0]);
         let [encoder_ws, decoder_ws, prior_ws] = &mut self.workspaces;
         let s = &mut self.scratch;
-        let standard = |place: [f32; 2]| [0, 1].map(|k| (place[k] - norm[k]) / norm[PLACE + k]);
-
-        s.conditions.clear();
-        s.targets.clear();
-        s.encoder_input.clear();
-        for (&(from, to), &null) in pairs.iter().zip(&s.null) {
-            let [x, y] = standard(from);
-            let condition = if null { [0.0, 0.0, 1.0] } else { [x, y, 0.0] };
-            s.conditions.extend(condition);
-            s.encoder_input.extend(condition);
-            s.encoder_input.extend(standard(to));
-            s.targets.extend(standard(to));
-        }
+        s.begin(pairs, norm);
         let posterior = self
             .shape
             .encoder
             .forward(encoder, &s.encoder_input, n, encoder_ws);
         let rho = self.shape.prior.forward(prior, &s.conditions, n, prior_ws);
-        s.decoder_input.clear();
-        for row in 0..n {
-            s.decoder_input
-                .extend_from_slice(&s.conditions[row * CONDITION..(row + 1) * CONDITION]);
-            let q = &posterior[row * 2 * dz..(row + 1) * 2 * dz];
-            s.decoder_input
-                .extend((0..dz).map(|k| q[k] + clamp(q[dz + k]).exp() * s.noise[row * dz + k]));
-        }
+        s.draw_latents(posterior, dz);
         let decoded = self
             .shape
             .decoder
             .forward(decoder, &s.decoder_input, n, decoder_ws);
-        let mut losses = Losses::default();
-        let scale = 1.0 / n as f32;
-        s.place_gradient.clear();
-        for (value, target) in decoded.iter().zip(&s.targets).take(n * PLACE) {
-            let error = value - target;
-            losses.reconstruction += scale * error * error;
-            s.place_gradient.push(2.0 * scale * error);
-        }
+        let reconstruction = s.reconstruction(decoded);
         s.decoder_input_gradient.resize(n * (CONDITION + dz), 0.0);
         let (encoder_gradient, rest) = self.gradient.split_at_mut(ends[0]);
         let (decoder_gradient, prior_gradient) = rest.split_at_mut(ends[1] - ends[0]);
@@ -200,45 +157,8 @@ impl Vae {
             Some(&mut s.decoder_input_gradient),
         );
 
-        s.posterior_gradient.clear();
-        s.posterior_gradient.resize(n * 2 * dz, 0.0);
-        s.prior_gradient.clear();
-        s.prior_gradient.resize(n * 2 * dz, 0.0);
-        let beta = self.settings.beta * scale;
-        let kappa = self.settings.prior_balance;
-        for row in 0..n {
-            let at = row * 2 * dz;
-            for k in 0..dz {
-                let (m1, raw1) = (posterior[at + k], posterior[at + dz + k]);
-                let l1 = clamp(raw1);
-                // Without a condition the prior is the standard normal and is not trained.
-                let (m2, l2) = if s.null[row] {
-                    (0.0, 0.0)
-                } else {
-                    (rho[at + k], clamp(rho[at + dz + k]))
-                };
-                let (v1, v2) = ((2.0 * l1).exp(), (2.0 * l2).exp());
-                let gap = m1 - m2;
-                losses.kl += scale * (l2 - l1 + (v1 + gap * gap) / (2.0 * v2) - 0.5);
-                let z_gradient = s.decoder_input_gradient[row * (CONDITION + dz) + CONDITION + k];
-                // The null pairs have no prior to train: all of their KL is the posterior's.
-                let share = if s.null[row] {
-                    beta
-                } else {
-                    beta * (1.0 - kappa)
-                };
-                let inside = f32::from(u8::from(LOG_STD.contains(&raw1)));
-                s.posterior_gradient[at + k] = z_gradient + share * gap / v2;
-                s.posterior_gradient[at + dz + k] = inside
-                    * (z_gradient * l1.exp() * s.noise[row * dz + k] + share * (v1 / v2 - 1.0));
-                if !s.null[row] {
-                    let inside = f32::from(u8::from(LOG_STD.contains(&rho[at + dz + k])));
-                    s.prior_gradient[at + k] = -beta * kappa * gap / v2;
-                    s.prior_gradient[at + dz + k] =
-                        inside * beta * kappa * (1.0 - (v1 + gap * gap) / v2);
-                }
-            }
-        }
+        let balance = [self.settings.beta, self.settings.prior_balance];
+        let kl = s.divergence(posterior, rho, dz, balance);
         self.shape.encoder.backward(
             encoder,
             &s.encoder_input,
@@ -257,10 +177,6 @@ impl Vae {
             prior_gradient,
             None,
         );
-        losses
+        Losses { reconstruction, kl }
     }
-}
-
-fn clamp(log_std: f32) -> f32 {
-    log_std.clamp(*LOG_STD.start(), *LOG_STD.end())
 }

@@ -2,7 +2,10 @@
 
 use nets::{Activation, Mlp};
 
-use super::{CONDITION, PLACE};
+/// Width of a place: x, y.
+pub const PLACE: usize = 2;
+/// Width of a condition: a standardised place and the null flag.
+pub(super) const CONDITION: usize = PLACE + 1;
 
 /// The three networks' shapes.
 #[derive(Debug, Clone)]

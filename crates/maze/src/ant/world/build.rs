@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use super::{BODIES, DOFS, JOINTS, ROOT, Sets};
+use super::sets::{BODIES, DOFS, JOINTS, ROOT, Sets};
 use crate::ant::{
     ARMATURE, DAMPING, DENSITY, JOINT_RANGES, LEG_DIRECTIONS, LEG_RADIUS, LINK, RESET_HEIGHT,
     TORSO_RADIUS, child_body, parent_body,
