@@ -27,7 +27,7 @@ fn printed(folder: &Path, arguments: &[&str]) -> String {
 fn score(run: &Path) -> f64 {
     let json = std::fs::read(run.join("score.json")).unwrap();
     let json: serde_json::Value = serde_json::from_slice(&json).unwrap();
-    json["normalized_score"].as_f64().unwrap()
+    json["score"].as_f64().unwrap()
 }
 
 fn traces(run: &Path) -> usize {
