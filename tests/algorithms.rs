@@ -7,8 +7,7 @@ use std::process::Child;
 use std::time::Duration;
 
 use system_tests::{
-    children, finished, formica, kill, of_role, one_at_a_time, piped, shared_memory,
-    text,
+    children, finished, formica, kill, of_role, one_at_a_time, piped, shared_memory, text,
 };
 
 fn launched(folder: &Path, config: &str) -> Child {
@@ -56,10 +55,16 @@ fn a_point_mass_scores_a_hundred_in_the_medium_maze() {
     let run = folder.path().join("runs/other");
     assert_eq!(score(&run), 100.0, "{told}");
     assert_eq!(traces(&run), 50);
-    let inspected = printed(folder.path(), &["inspect", "runs/other/traces/episode-0000.mcap"]);
+    let inspected = printed(
+        folder.path(),
+        &["inspect", "runs/other/traces/episode-0000.mcap"],
+    );
     assert!(inspected.contains("simulator point"), "{inspected}");
     assert!(inspected.contains("the goal reached"), "{inspected}");
-    printed(folder.path(), &["replay", "runs/other/traces/episode-0000.mcap"]);
+    printed(
+        folder.path(),
+        &["replay", "runs/other/traces/episode-0000.mcap"],
+    );
     assert_eq!(shared_memory(&run), Vec::<String>::new());
 }
 
@@ -79,7 +84,9 @@ fn behavioural_cloning_runs_like_the_default_algorithm() {
     assert!(system_tests::eventually(Duration::from_secs(60), begun));
     assert!(of_role(&launcher, "graph-builder").is_empty());
     let kept = || {
-        let states = std::fs::read_dir(run.join("checkpoints")).unwrap().flatten();
+        let states = std::fs::read_dir(run.join("checkpoints"))
+            .unwrap()
+            .flatten();
         let names = states.map(|state| state.file_name().to_string_lossy().into_owned());
         names.into_iter().any(|name| name.starts_with("gcbc-"))
     };
@@ -87,10 +94,16 @@ fn behavioural_cloning_runs_like_the_default_algorithm() {
     assert!(kill(launcher.id(), "-INT"));
     let (code, told) = finished(launcher, Duration::from_secs(10));
     assert_eq!(code, Some(130), "{told}");
-    let resumed = piped(&mut formica(folder.path(), &["launch", "--resume", "other", "--plain"]));
+    let resumed = piped(&mut formica(
+        folder.path(),
+        &["launch", "--resume", "other", "--plain"],
+    ));
     let (code, told) = finished(resumed, Duration::from_secs(120));
     assert_eq!(code, Some(0), "{told}");
-    assert!(told.contains("evaluate: 20 episodes with policy 6000"), "{told}");
+    assert!(
+        told.contains("evaluate: 20 episodes with policy 6000"),
+        "{told}"
+    );
     assert!(told.contains("(0 lost, 0 refused)"), "{told}");
     let log = std::fs::read_to_string(run.join("logs/learner-0.log")).unwrap();
     assert!(log.contains("gcbc goes on from"), "{log}");
@@ -98,10 +111,16 @@ fn behavioural_cloning_runs_like_the_default_algorithm() {
     assert!(!run.join("graph.bin").exists());
     assert!(score(&run) >= 90.0, "{told}");
     assert_eq!(traces(&run), 20);
-    let inspected = printed(folder.path(), &["inspect", "runs/other/traces/episode-0000.mcap"]);
+    let inspected = printed(
+        folder.path(),
+        &["inspect", "runs/other/traces/episode-0000.mcap"],
+    );
     assert!(inspected.contains("versions: policy 6000"), "{inspected}");
     assert!(!inspected.contains("subgoals"), "{inspected}");
-    printed(folder.path(), &["replay", "runs/other/traces/episode-0000.mcap"]);
+    printed(
+        folder.path(),
+        &["replay", "runs/other/traces/episode-0000.mcap"],
+    );
     printed(folder.path(), &["report", "runs/other"]);
     let report = std::fs::read_to_string(run.join("report.html")).unwrap();
     for part in ["gcbc/policy_loss", "policy loss", "Learning"] {

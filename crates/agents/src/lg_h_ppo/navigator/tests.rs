@@ -52,7 +52,8 @@ fn choices(words: &[u32]) -> Vec<Choice> {
     Choice::of(&rollout).collect()
 }
 
-/// An episode of a point that jumps to wherever it is sent, from a start to a goal (m).
+/// An episode of a point that jumps to wherever it is sent, from a start to a goal (m): its choices, and
+/// its number of steps.
 fn walk(navigator: &mut Navigator, start: [f32; 2], goal: [f32; 2]) -> (Vec<Choice>, usize) {
     let mut rng = Pcg64Mcg::seed_from_u64(1);
     let (mut act, mut words, mut place) = (Act::default(), vec![], start);
@@ -66,7 +67,7 @@ fn walk(navigator: &mut Navigator, start: [f32; 2], goal: [f32; 2]) -> (Vec<Choi
             let mut last = vec![];
             navigator.end(true, &mut last);
             words.extend(last);
-            return (choices(&words), step);
+            return (choices(&words), step + 1);
         }
     }
     panic!("it never arrived");
