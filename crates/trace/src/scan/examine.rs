@@ -81,7 +81,11 @@ impl<R: Read + Seek> Scan<R> {
                 };
                 self.schemas.insert(header.id, schema);
             }
-            Record::Channel(channel) if !self.channels.contains_key(&channel.id) => {
+            // Zeros in the place of a record outside of chunks may leave its id and nothing else; the
+            // summary has the channel again.
+            Record::Channel(channel)
+                if (self.channels.get(&channel.id)).is_none_or(|known| known.topic.is_empty()) =>
+            {
                 self.described += len;
                 self.channels.insert(channel.id, channel);
             }
