@@ -1,7 +1,7 @@
 //! Errors as the user sees them: whether the cause is in what they gave, and the message.
 
+use agents::{BuildError, StageError};
 use dataset::{DatasetError, LoadError, MappedError};
-use graph::kmeans::KMeansError;
 use nets::file::FileError;
 
 /// A fault in what the user gave, as a sentence.
@@ -44,8 +44,19 @@ pub(crate) fn is_input(error: &anyhow::Error) -> bool {
                 cause.downcast_ref::<MappedError>(),
                 Some(MappedError::Read { .. } | MappedError::Damaged { .. })
             )
-            || cause.is::<graph::Unusable>()
-            || cause.is::<KMeansError>()
+            || matches!(
+                cause.downcast_ref::<BuildError>(),
+                Some(BuildError::Unusable(_) | BuildError::Cluster { .. })
+            )
+            || matches!(
+                cause.downcast_ref::<StageError>(),
+                Some(StageError::TooShort { .. } | StageError::TooSmall(_))
+            )
+            || matches!(
+                cause.downcast_ref::<StageError>(),
+                Some(StageError::Checkpoint { reason, .. })
+                    if !matches!(reason, FileError::Io { .. })
+            )
             || cause.is::<learner::Diverged>()
     })
 }

@@ -30,8 +30,8 @@ const _: () = assert!(agents::PARTS == wire::PARTS && agents::GRAPH == GRAPH);
 /// Weights that nobody would take: training them on does not help.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "the weights of the {network} diverged (value {at} is not finite); lower its learning_rate, or \
-     look for huge values in the data"
+    "the {network}'s weights diverged (value {at} is not finite); lower its learning_rate, or look \
+     for huge values in the data"
 )]
 pub struct Diverged {
     network: &'static str,
