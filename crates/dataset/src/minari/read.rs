@@ -34,9 +34,8 @@ pub(crate) fn read_with(
     path: &Path,
     on_fault: OnFault,
 ) -> Result<(Dataset, Dropped), DatasetError> {
-    let read = |path: &Path| fs::read(path).map_err(|error| io_error(path, error));
     if !path.is_dir() {
-        let reader = Reader::open(path, read(path)?, OtherFiles::Follow)?;
+        let reader = Reader::of_file(path)?;
         return from_reader(&reader, None, on_fault);
     }
     let folders = [path.to_path_buf(), path.join("data")];
@@ -54,7 +53,7 @@ pub(crate) fn read_with(
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
         Err(error) => return Err(io_error(&metadata, error)),
     };
-    let reader = Reader::open(&main, read(&main)?, OtherFiles::Follow)?;
+    let reader = Reader::of_file(&main)?;
     from_reader(&reader, told, on_fault)
 }
 
@@ -64,7 +63,7 @@ pub(crate) fn read_with(
 /// # Errors
 /// Anything that is wrong with them, by key and row.
 pub fn read_bytes(path: &Path, bytes: Vec<u8>) -> Result<Dataset, DatasetError> {
-    let reader = Reader::open(path, bytes, OtherFiles::Refuse)?;
+    let reader = Reader::of_bytes(path, bytes, OtherFiles::Refuse)?;
     from_reader(&reader, None, OnFault::Refuse).map(|(data, _)| data)
 }
 
