@@ -142,6 +142,16 @@ pub(super) fn episode(
     found: &Found,
     into: Flat<'_>,
 ) -> Result<(), DatasetError> {
+    let Flat {
+        widths: [_, action],
+        observations,
+        images,
+        places: image_places,
+        actions,
+        rewards: gains,
+        terminals,
+        goals: aims,
+    } = into;
     let steps = found.actions.rows;
     let acted = |name| {
         let width = Width::Exactly(1);
@@ -158,30 +168,26 @@ pub(super) fn episode(
     let places = found.states(reader, PLACE, Width::Exactly(2))?;
     let goals = found.states(reader, GOAL, Width::Exactly(2))?;
 
-    rows(
-        reader,
-        &found.actions,
-        &mut into.actions[..steps * into.widths[1]],
-    )?;
-    rows(reader, &rewards, &mut into.rewards[..steps])?;
-    rows(reader, &goals, into.goals.as_flattened_mut())?;
-    for (flag, value) in into.terminals.iter_mut().zip(all(reader, &terminations)?) {
+    rows(reader, &found.actions, &mut actions[..steps * action])?;
+    rows(reader, &rewards, &mut gains[..steps])?;
+    rows(reader, &goals, aims.as_flattened_mut())?;
+    for (flag, value) in terminals.iter_mut().zip(all(reader, &terminations)?) {
         *flag = value > 0.0;
     }
     match layout {
         Layout::Apart { width, taken } => {
             let (places, states) = (all(reader, &places)?, all(reader, &states)?);
             let parts = places.chunks_exact(2).zip(states.chunks_exact(*width));
-            for (into, (place, state)) in into.observations.chunks_exact_mut(2 + taken).zip(parts) {
+            for (into, (place, state)) in observations.chunks_exact_mut(2 + taken).zip(parts) {
                 into[..2].copy_from_slice(place);
                 into[2..].copy_from_slice(&state[..*taken]);
             }
             Ok(())
         }
-        Layout::Whole { .. } => rows(reader, &states, into.observations),
+        Layout::Whole { .. } => rows(reader, &states, observations),
         Layout::Image { .. } => {
-            rows(reader, &places, into.places.as_flattened_mut())?;
-            rows(reader, &states, into.images)
+            rows(reader, &places, image_places.as_flattened_mut())?;
+            rows(reader, &states, images)
         }
     }
 }
