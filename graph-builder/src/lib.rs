@@ -55,7 +55,11 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder, &args.folder)?;
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
-    let data = dataset::prepared::open(&args.folder)?;
+    let loaded = dataset::prepared::open(&args.folder)?;
+    for note in &loaded.notes {
+        log::info!("{note}");
+    }
+    let data = loaded.data;
     Builder {
         weights: WeightsSubscriber::new(&bus, Module::Encoder)?,
         publisher: GraphPublisher::new(&bus)?,

@@ -247,7 +247,7 @@ pub(crate) fn run(
         settled: false,
     };
     let layout = Layout::of(&config.maze.layout, &config.maze.rows)?;
-    let data = dataset::prepared::open(folder)?;
+    let data = dataset::prepared::open(folder)?.data;
     learner.describe(&data, &layout);
     let halt = AtomicBool::new(false);
     let result = std::thread::scope(|scope| {

@@ -97,22 +97,24 @@ pub(crate) struct Key {
 }
 
 impl Key {
+    /// Whether values are bytes.
+    pub(crate) fn is_bytes(&self) -> bool {
+        matches!(
+            self.array.dtype(),
+            Datatype::FixedPoint {
+                size: 1,
+                signed: false,
+                ..
+            }
+        )
+    }
+
     /// Sides of a row's image; none where a row is no image of bytes.
     pub(crate) fn image(&self) -> Option<Vec<usize>> {
-        let byte = |kind: &Datatype| {
-            matches!(
-                kind,
-                Datatype::FixedPoint {
-                    size: 1,
-                    signed: false,
-                    ..
-                }
-            )
-        };
         let sides = self.array.shape().get(1..).unwrap_or_default();
-        // Both are products of a width that was looked at.
+        // Their product is the width, which was looked at.
         let sides: Vec<usize> = sides.iter().map(|side| *side as usize).collect();
-        (sides.len() > 1 && byte(self.array.dtype())).then_some(sides)
+        (sides.len() > 1 && self.is_bytes()).then_some(sides)
     }
 }
 

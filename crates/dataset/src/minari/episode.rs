@@ -14,6 +14,9 @@ const OBSERVATION: &str = "observations/observation";
 const PLACE: &str = "observations/achieved_goal";
 const GOAL: &str = "observations/desired_goal";
 
+/// What a JPEG file begins with.
+const JPEG: [f32; 3] = [255.0, 216.0, 255.0];
+
 /// An episode whose length is known.
 pub(super) struct Found {
     pub(super) number: usize,
@@ -49,6 +52,12 @@ impl Layout {
         let places = found.states(reader, PLACE, Width::Exactly(2))?;
         let faults = Faults::new(OnFault::Refuse);
         let [values, places] = reader.values::<f32, 2>([&rest, &places], &faults)?;
+        if rest.is_bytes() && values.starts_with(&JPEG) {
+            return Err(reader.error(
+                &format!("{}{OBSERVATION}", found.folder.prefix),
+                "holds JPEG files, which are not read; make the data set with jpeg_encoding=False",
+            ));
+        }
         let width = rest.width;
         let mut rows = values.chunks_exact(width).zip(places.chunks_exact(2));
         Ok(if rows.all(|(row, place)| row.starts_with(place)) {

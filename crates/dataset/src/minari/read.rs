@@ -322,6 +322,27 @@ mod tests {
         }
     }
 
+    /// Minari's own way with images (`minari/dataset/_storages/hdf5_storage.py`).
+    #[test]
+    fn images_in_jpeg_are_refused_with_the_remedy() {
+        let mut builder = FileBuilder::new();
+        let mut group = builder.create_group("episode_0");
+        let mut states = group.create_group("observations");
+        let bytes = [255, 216, 255, 224, 0, 16].repeat(2);
+        let array = states.create_dataset("observation");
+        array.with_u8_data(&bytes).with_shape(&[2, 6]);
+        let array = states.create_dataset("achieved_goal");
+        array.with_f32_data(&[0.0; 4]).with_shape(&[2, 2]);
+        group.add_group(states.finish());
+        let array = group.create_dataset("actions");
+        array.with_f32_data(&[0.0; 8]).with_shape(&[1, 8]);
+        builder.add_group(group.finish());
+        let error = read_bytes(Path::new("m"), builder.finish().unwrap()).unwrap_err();
+        let error = error.to_string();
+        let wanted = "'episode_0/observations/observation': holds JPEG files, which are not read";
+        assert!(error.contains(wanted), "{error}");
+    }
+
     #[test]
     fn episodes_of_another_width_are_faults() {
         let folder = tempfile::tempdir().unwrap();
