@@ -52,7 +52,11 @@ pub fn run(args: &Args, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
     status.set_text("loading the data set");
     reporter.status(&status);
     let receiver = TrajectoryReceiver::new(&bus, Reader::GraphBuilder, &args.folder)?;
-    let data = dataset::prepared::open(&args.folder)?;
+    let loaded = dataset::prepared::open(&args.folder)?;
+    for note in &loaded.notes {
+        log::info!("{note}");
+    }
+    let data = loaded.data;
     let networks = plan.networks();
     let rows = RowLayout::new(&bus.limits().spaces);
     let subscribers = rule.after().into_iter().map(|number| {

@@ -109,7 +109,7 @@ pub(crate) fn run(
     };
     let data = match plan.needs() {
         Some(_) => {
-            let data = dataset::prepared::open(folder)?;
+            let data = dataset::prepared::open(folder)?.data;
             learner.describe(&data)?;
             data
         }

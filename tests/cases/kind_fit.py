@@ -224,6 +224,18 @@ def gymnasium_robotics_frame_is_recognised(bench):
     assert "recognised Gymnasium-Robotics' frame" in log, log
 
 
+@case("D4RL's maze2d")
+def rows_of_another_body_are_named(bench):
+    data = walks(MEDIUM)
+    points = {**data, "observations": data["observations"][:, [0, 1, 15, 16]], "actions": data["actions"][:, :2]}
+    d4rl(bench, "x.hdf5", points)
+    for more in ((), ("--set", "dataset.fit=warn")):
+        outcome = bench.formica("check", config(bench, "medium", "x.hdf5"), *more)
+        outcome.fails(2, "observations of 4 values and actions of 2", "those of the simulator 'point'", "name data of 'ant'")
+    bench.formica("dataset", "convert", "x.hdf5", "m-v0", "--to", "minari").succeeds()
+    bench.formica("dataset", "info", "m-v0").succeeds("observations of 4 values and actions of 2")
+
+
 @case("Gymnasium-Robotics")
 def steps_of_half_the_time_are_told(bench):
     def change(o):

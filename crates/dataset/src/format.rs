@@ -1,7 +1,8 @@
 //! The formats, and which of them a path holds.
 
 use std::fmt;
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read;
 use std::path::Path;
 
 use durable::{Existing, Output, Staged};
@@ -9,6 +10,9 @@ use durable::{Existing, Output, Staged};
 use crate::error::io_error;
 use crate::hdf5::{OtherFiles, Reader};
 use crate::{Dataset, DatasetError, Dropped, OnFault, d4rl, minari, ogbench};
+
+/// What every zip archive begins with: an entry, or its end when there is none.
+const ZIP: [&[u8; 4]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
 
 /// How a data set lies on disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,19 +114,38 @@ pub fn open_with(path: &Path, on_fault: OnFault) -> Result<Opened, DatasetError>
     if path.is_dir() {
         return read(Format::Minari, minari::read_with(path, on_fault));
     }
-    let bytes = fs::read(path).map_err(|error| io_error(path, error))?;
-    // Every zip archive begins with an entry, or with its end when there is none.
-    if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"PK\x05\x06") {
+    let io = |error| io_error(path, error);
+    let file = File::open(path).map_err(io)?;
+    // A pipe gives its bytes once.
+    let regular = file.metadata().map_err(io)?.is_file();
+    let mut bytes = vec![];
+    let count = if regular {
+        ZIP[0].len() as u64
+    } else {
+        u64::MAX
+    };
+    file.take(count).read_to_end(&mut bytes).map_err(io)?;
+    if ZIP.iter().any(|zip| bytes.starts_with(*zip)) {
+        if regular {
+            bytes = fs::read(path).map_err(io)?;
+        }
         let data = ogbench::read_with(path, &bytes, on_fault);
         return read(Format::Ogbench, data);
     }
-    if !hdf5_pure::is_hdf5_bytes(&bytes) {
+    let known = match regular {
+        true => hdf5_pure::is_hdf5(path).map_err(io)?,
+        false => hdf5_pure::is_hdf5_bytes(&bytes),
+    };
+    if !known {
         return Err(DatasetError::Format {
             path: path.to_path_buf(),
             reason: "neither HDF5 (D4RL, Minari) nor npz (OGBench)".to_owned(),
         });
     }
-    let reader = Reader::open(path, bytes, OtherFiles::Follow)?;
+    let reader = match regular {
+        true => Reader::of_file(path)?,
+        false => Reader::of_bytes(path, bytes, OtherFiles::Follow)?,
+    };
     if reader.numbered("episode_")?.is_empty() {
         read(Format::D4rl, d4rl::from_reader(&reader, on_fault))
     } else {

@@ -11,15 +11,21 @@ mod told;
 mod values;
 mod wide;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use hdf5_reader::error::Error;
 use hdf5_reader::group::Group;
-use hdf5_reader::{Dataset as Array, Datatype, FilesystemExternalFileResolver, Hdf5File};
+use hdf5_reader::{
+    BytesStorage, Dataset as Array, Datatype, FileStorage, FilesystemExternalFileResolver,
+    Hdf5File, Storage,
+};
 
 use crate::DatasetError;
+use crate::error::io_error;
 use elsewhere::Elsewhere;
 use links::{Link, Target};
 use options::{INFLATION, options};
@@ -89,22 +95,24 @@ pub(crate) struct Key {
 }
 
 impl Key {
+    /// Whether values are bytes.
+    pub(crate) fn is_bytes(&self) -> bool {
+        matches!(
+            self.array.dtype(),
+            Datatype::FixedPoint {
+                size: 1,
+                signed: false,
+                ..
+            }
+        )
+    }
+
     /// Sides of a row's image; none where a row is no image of bytes.
     pub(crate) fn image(&self) -> Option<Vec<usize>> {
-        let byte = |kind: &Datatype| {
-            matches!(
-                kind,
-                Datatype::FixedPoint {
-                    size: 1,
-                    signed: false,
-                    ..
-                }
-            )
-        };
         let sides = self.array.shape().get(1..).unwrap_or_default();
-        // Both are products of a width that was looked at.
+        // Their product is the width, which was looked at.
         let sides: Vec<usize> = sides.iter().map(|side| *side as usize).collect();
-        (sides.len() > 1 && byte(self.array.dtype())).then_some(sides)
+        (sides.len() > 1 && self.is_bytes()).then_some(sides)
     }
 }
 
@@ -117,16 +125,39 @@ pub(crate) struct Folder {
 
 impl<'p> Reader<'p> {
     /// Opens the bytes of a file; `path` is for errors, and where `others` says so for links.
-    pub(crate) fn open(
+    pub(crate) fn of_bytes(
         path: &'p Path,
         bytes: Vec<u8>,
+        others: OtherFiles,
+    ) -> Result<Self, DatasetError> {
+        Self::open(path, Arc::new(BytesStorage::new(bytes)), others)
+    }
+
+    /// Opens a file, of which only what is asked for is in memory; links to other files are followed.
+    pub(crate) fn of_file(path: &'p Path) -> Result<Self, DatasetError> {
+        let io = |error| io_error(path, error);
+        let mut file = File::open(path).map_err(io)?;
+        if !file.metadata().map_err(io)?.is_file() {
+            // A pipe gives its bytes once, in order.
+            let mut bytes = vec![];
+            file.read_to_end(&mut bytes).map_err(io)?;
+            return Self::of_bytes(path, bytes, OtherFiles::Follow);
+        }
+        let storage = FileStorage::from_file(file);
+        let storage = storage.map_err(|error| io(std::io::Error::other(told(&error))))?;
+        Self::open(path, Arc::new(storage), OtherFiles::Follow)
+    }
+
+    fn open(
+        path: &'p Path,
+        storage: Arc<dyn Storage>,
         others: OtherFiles,
     ) -> Result<Self, DatasetError> {
         let format = |reason: String| DatasetError::Format {
             path: path.to_path_buf(),
             reason,
         };
-        let size = bytes.len() as u64;
+        let size = storage.len();
         let length = Arc::new(AtomicU64::new(size));
         let mut options = options(size);
         if others == OtherFiles::Follow {
@@ -136,7 +167,7 @@ impl<'p> Reader<'p> {
                 .with_external_link_resolver(Arc::new(elsewhere))
                 .with_external_file_resolver(Arc::new(raw));
         }
-        let file = Hdf5File::from_vec_with_options(bytes, options)
+        let file = Hdf5File::from_storage_with_options(storage, options)
             .map_err(|error| format(format!("not an HDF5 file that can be read: {error}")))?;
         let superblock = file.superblock();
         let whole = superblock.eof_address;

@@ -23,6 +23,7 @@ const KIND: &str = "data set";
 #[derive(Serialize, Deserialize)]
 struct About {
     stamp: Stamp,
+    notes: Vec<String>,
     sides: Vec<u64>,
     /// Whether observations are images.
     images: bool,
@@ -45,6 +46,7 @@ pub fn save(run: &Path, loaded: &Loaded) -> Result<(), MappedError> {
     let shape = data.shape();
     let about = About {
         stamp: loaded.stamp.clone(),
+        notes: loaded.notes.clone(),
         sides: shape.sides().iter().map(|side| *side as u64).collect(),
         images: shape.element() == Element::U8,
         action: shape.action() as u64,
@@ -69,7 +71,7 @@ pub fn save(run: &Path, loaded: &Loaded) -> Result<(), MappedError> {
 ///
 /// # Errors
 /// A file that is missing, cut off, damaged or of another version.
-pub fn open(run: &Path) -> Result<Dataset, MappedError> {
+pub fn open(run: &Path) -> Result<Loaded, MappedError> {
     let file = Mapped::open(&file(run), KIND)?;
     let about: About = file.about()?;
     let wrong = || file.damaged("its arrays are not of one length");
@@ -123,15 +125,18 @@ pub fn open(run: &Path) -> Result<Dataset, MappedError> {
     if start != rows {
         return Err(file.damaged("its episodes are not its rows"));
     }
-    Ok(data)
+    Ok(Loaded {
+        data,
+        notes: about.notes,
+        stamp: about.stamp,
+    })
 }
 
 /// Whether a run's folder holds whole data of the config's data set as it is now.
 #[must_use]
 pub fn is_fresh(run: &Path, config: &Config, needs: &Needs) -> bool {
-    let stamp = Mapped::open(&file(run), KIND).and_then(|file| file.about::<About>());
-    match (stamp, Stamp::of(config, needs)) {
-        (Ok(about), Ok(stamp)) => about.stamp == stamp && open(run).is_ok(),
+    match (open(run), Stamp::of(config, needs)) {
+        (Ok(loaded), Ok(stamp)) => loaded.stamp == stamp,
         _ => false,
     }
 }

@@ -1,10 +1,8 @@
 //! Reads files of D4RL and of [`write`](super::write()).
 
-use std::fs;
 use std::path::Path;
 
 use super::{XY, next};
-use crate::error::io_error;
 use crate::fault::Faults;
 use crate::hdf5::{Key, OtherFiles, Reader, Width};
 use crate::{Array, Dataset, DatasetError, Dropped, OnFault, Shape, episodes};
@@ -31,8 +29,7 @@ const JUMP: f32 = 5.0;
 /// # Errors
 /// Anything that is wrong with the file, by key and row.
 pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
-    let bytes = fs::read(path).map_err(|error| io_error(path, error))?;
-    let reader = Reader::open(path, bytes, OtherFiles::Follow)?;
+    let reader = Reader::of_file(path)?;
     from_reader(&reader, OnFault::Refuse).map(|(data, _)| data)
 }
 
@@ -41,7 +38,7 @@ pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
 /// # Errors
 /// Anything that is wrong with them, by key and row.
 pub fn read_bytes(path: &Path, bytes: Vec<u8>) -> Result<Dataset, DatasetError> {
-    let reader = Reader::open(path, bytes, OtherFiles::Refuse)?;
+    let reader = Reader::of_bytes(path, bytes, OtherFiles::Refuse)?;
     from_reader(&reader, OnFault::Refuse).map(|(data, _)| data)
 }
 

@@ -14,6 +14,9 @@ const OBSERVATION: &str = "observations/observation";
 const PLACE: &str = "observations/achieved_goal";
 const GOAL: &str = "observations/desired_goal";
 
+/// What a JPEG file begins with.
+const JPEG: [f32; 3] = [255.0, 216.0, 255.0];
+
 /// An episode whose length is known.
 pub(super) struct Found {
     pub(super) number: usize,
@@ -49,6 +52,12 @@ impl Layout {
         let places = found.states(reader, PLACE, Width::Exactly(2))?;
         let faults = Faults::new(OnFault::Refuse);
         let [values, places] = reader.values::<f32, 2>([&rest, &places], &faults)?;
+        if rest.is_bytes() && values.starts_with(&JPEG) {
+            return Err(reader.error(
+                &format!("{}{OBSERVATION}", found.folder.prefix),
+                "holds JPEG files, which are not read; make the data set with jpeg_encoding=False",
+            ));
+        }
         let width = rest.width;
         let mut rows = values.chunks_exact(width).zip(places.chunks_exact(2));
         Ok(if rows.all(|(row, place)| row.starts_with(place)) {
@@ -142,6 +151,16 @@ pub(super) fn episode(
     found: &Found,
     into: &mut Flat<'_>,
 ) -> Result<(), DatasetError> {
+    let Flat {
+        widths: [_, action],
+        observations,
+        images,
+        places: image_places,
+        actions,
+        rewards: gains,
+        terminals,
+        goals: aims,
+    } = into;
     let steps = found.actions.rows;
     let acted = |name| {
         let width = Width::Exactly(1);
@@ -158,30 +177,26 @@ pub(super) fn episode(
     let places = found.states(reader, PLACE, Width::Exactly(2))?;
     let goals = found.states(reader, GOAL, Width::Exactly(2))?;
 
-    rows(
-        reader,
-        &found.actions,
-        &mut into.actions[..steps * into.widths[1]],
-    )?;
-    rows(reader, &rewards, &mut into.rewards[..steps])?;
-    rows(reader, &goals, into.goals.as_flattened_mut())?;
-    for (flag, value) in into.terminals.iter_mut().zip(all(reader, &terminations)?) {
+    rows(reader, &found.actions, &mut actions[..steps * *action])?;
+    rows(reader, &rewards, &mut gains[..steps])?;
+    rows(reader, &goals, aims.as_flattened_mut())?;
+    for (flag, value) in terminals.iter_mut().zip(all(reader, &terminations)?) {
         *flag = value > 0.0;
     }
     match layout {
         Layout::Apart { width, taken } => {
             let (places, states) = (all(reader, &places)?, all(reader, &states)?);
             let parts = places.chunks_exact(2).zip(states.chunks_exact(*width));
-            for (into, (place, state)) in into.observations.chunks_exact_mut(2 + taken).zip(parts) {
+            for (into, (place, state)) in observations.chunks_exact_mut(2 + taken).zip(parts) {
                 into[..2].copy_from_slice(place);
                 into[2..].copy_from_slice(&state[..*taken]);
             }
             Ok(())
         }
-        Layout::Whole { .. } => rows(reader, &states, into.observations),
+        Layout::Whole { .. } => rows(reader, &states, observations),
         Layout::Image { .. } => {
-            rows(reader, &places, into.places.as_flattened_mut())?;
-            rows(reader, &states, into.images)
+            rows(reader, &places, image_places.as_flattened_mut())?;
+            rows(reader, &states, images)
         }
     }
 }

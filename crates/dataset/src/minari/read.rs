@@ -34,9 +34,8 @@ pub(crate) fn read_with(
     path: &Path,
     on_fault: OnFault,
 ) -> Result<(Dataset, Dropped), DatasetError> {
-    let read = |path: &Path| fs::read(path).map_err(|error| io_error(path, error));
     if !path.is_dir() {
-        let reader = Reader::open(path, read(path)?, OtherFiles::Follow)?;
+        let reader = Reader::of_file(path)?;
         return from_reader(&reader, None, on_fault);
     }
     let folders = [path.to_path_buf(), path.join("data")];
@@ -54,7 +53,7 @@ pub(crate) fn read_with(
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
         Err(error) => return Err(io_error(&metadata, error)),
     };
-    let reader = Reader::open(&main, read(&main)?, OtherFiles::Follow)?;
+    let reader = Reader::of_file(&main)?;
     from_reader(&reader, told, on_fault)
 }
 
@@ -64,7 +63,7 @@ pub(crate) fn read_with(
 /// # Errors
 /// Anything that is wrong with them, by key and row.
 pub fn read_bytes(path: &Path, bytes: Vec<u8>) -> Result<Dataset, DatasetError> {
-    let reader = Reader::open(path, bytes, OtherFiles::Refuse)?;
+    let reader = Reader::of_bytes(path, bytes, OtherFiles::Refuse)?;
     from_reader(&reader, None, OnFault::Refuse).map(|(data, _)| data)
 }
 
@@ -321,6 +320,27 @@ mod tests {
             );
             assert_eq!(found.action(41), data.action(41));
         }
+    }
+
+    /// Minari's own way with images (`minari/dataset/_storages/hdf5_storage.py`).
+    #[test]
+    fn images_in_jpeg_are_refused_with_the_remedy() {
+        let mut builder = FileBuilder::new();
+        let mut group = builder.create_group("episode_0");
+        let mut states = group.create_group("observations");
+        let bytes = [255, 216, 255, 224, 0, 16].repeat(2);
+        let array = states.create_dataset("observation");
+        array.with_u8_data(&bytes).with_shape(&[2, 6]);
+        let array = states.create_dataset("achieved_goal");
+        array.with_f32_data(&[0.0; 4]).with_shape(&[2, 2]);
+        group.add_group(states.finish());
+        let array = group.create_dataset("actions");
+        array.with_f32_data(&[0.0; 8]).with_shape(&[1, 8]);
+        builder.add_group(group.finish());
+        let error = read_bytes(Path::new("m"), builder.finish().unwrap()).unwrap_err();
+        let error = error.to_string();
+        let wanted = "'episode_0/observations/observation': holds JPEG files, which are not read";
+        assert!(error.contains(wanted), "{error}");
     }
 
     #[test]

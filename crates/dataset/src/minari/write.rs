@@ -151,6 +151,8 @@ fn metadata(path: &Path, data: &Dataset) -> String {
         "dataset_id": id(path),
         "minari_version": VERSION,
         "data_format": "hdf5",
+        // Without the key newer versions take bytes of images for JPEG files.
+        "jpeg_encoding": false,
         "total_episodes": data.episodes.len(),
         "total_steps": data.len() - data.episodes.len(),
         "observation_space": observation_space,

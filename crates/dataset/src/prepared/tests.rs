@@ -10,7 +10,7 @@ use crate::{Needs, d4rl, load_for, made};
 fn loaded(data: Dataset) -> Loaded {
     Loaded {
         data,
-        notes: vec![],
+        notes: vec!["a note".to_owned()],
         stamp: Stamp::default(),
     }
 }
@@ -25,9 +25,10 @@ fn rows_of_any_shape_come_back_from_one_copy() {
     ] {
         let mut made = loaded(made::of(&shape, &[3, 1, 7]));
         save(folder.path(), &made).unwrap();
-        let data = open(folder.path()).unwrap();
+        let found = open(folder.path()).unwrap();
+        assert_eq!(found, made);
+        let data = found.data;
         made::sound(&data);
-        assert_eq!(data, made.data);
         let mapped = match shape.element() {
             Element::F32 => data.observations.is_mapped(),
             Element::U8 => data.images.is_mapped() && data.image_places.is_mapped(),
@@ -35,7 +36,7 @@ fn rows_of_any_shape_come_back_from_one_copy() {
         assert!(mapped && data.actions.is_mapped() && data.goals.is_mapped());
         made.data.goals = crate::Array::default();
         save(folder.path(), &made).unwrap();
-        assert_eq!(open(folder.path()).unwrap(), made.data);
+        assert_eq!(open(folder.path()).unwrap(), made);
         // Those of before stay as they were.
         assert_eq!(data.goals.len(), 11);
     }
@@ -68,7 +69,7 @@ proptest! {
         }
         bytes.truncate(cut.unwrap_or(usize::MAX));
         fs::write(file(folder.path()), bytes).unwrap();
-        if let Ok(data) = open(folder.path()) {
+        if let Ok(Loaded { data, .. }) = open(folder.path()) {
             made::sound(&data);
             prop_assert_eq!(data.len(), 100);
             // Every page is there.
@@ -171,7 +172,7 @@ fn data_are_fresh_until_their_source_or_settings_change() {
     let made = load_for(&first, &needs(15)).unwrap();
     save(run.path(), &made).unwrap();
     assert!(is_fresh(&first));
-    assert_eq!(open(run.path()).unwrap(), made.data);
+    assert_eq!(open(run.path()).unwrap(), made);
     let path = folder.path().join("d.hdf5");
     for set in [
         ("dataset.leave_out", "[[1, 3]]"),
