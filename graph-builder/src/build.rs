@@ -24,8 +24,8 @@ pub(crate) fn encoder(config: &Config, weights: &[f32]) -> anyhow::Result<Encode
     Encoder::new(shape, weights).context("the encoder's weights do not fit its shape")
 }
 
-/// Nodes and ways of a data set, with the encoder that weights are of. With `[graph] online` they may
-/// grow. What else is computed on the way, and needed by the learner, is left in the run's folder.
+/// Nodes and ways of a data set. With `[graph] online` they may grow. Latents and nearest nodes of all
+/// rows are written to the run's folder for the learner.
 pub(crate) fn pool(
     config: &Config,
     data: &Dataset,
@@ -94,11 +94,11 @@ pub(crate) fn pool(
             max_nodes: g.max_nodes,
         });
     }
-    // Before the graph is published, so that its readers find the file and need not wait for it.
+    // Written before the graph is published, so that readers never wait for it.
     let (graph, ..) = pool.clone().renew();
     let nodes = nearest.within(&latents, &graph);
     if let Err(error) = Codes::save(run, [weights, &graph.latents], &latents, &nodes) {
-        log::warn!("{error}; the learner computes what would be in it");
+        log::warn!("{error}; the learner computes the codes itself");
     }
     Ok(pool)
 }

@@ -75,7 +75,7 @@ struct Run<'c> {
     failure: Option<Failure>,
 }
 
-/// Launches a run and stays until it has ended. `data` are its data set's, if it was there.
+/// Launches a run and stays until it has ended. `data` is its data set, if it has been read.
 pub(crate) fn launch(
     config: &Config,
     data: Option<Loaded>,

@@ -61,6 +61,11 @@ pub fn load_for(config: &Config) -> Result<Loaded, LoadError> {
     Ok(Loaded { data, notes, stamp })
 }
 
+/// Body of a config's simulator. No key selects another one yet.
+pub(crate) fn body(_config: &Config) -> Body {
+    Body::Ant
+}
+
 fn prepare(
     config: &Config,
     path: &Path,
@@ -75,8 +80,7 @@ fn prepare(
         ("encoder.lag", if trained { encoder.lag } else { 0 }),
     ];
     let expect = Expect {
-        // No key names another one.
-        body: Body::Ant,
+        body: body(config),
         maze: &config.maze.layout,
         layout,
         lags: &lags,
