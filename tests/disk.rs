@@ -122,7 +122,7 @@ fn prepared_data_that_are_gone_end_the_run_with_the_remedy() {
         "{told}"
     );
     assert!(
-        told.contains("`formica launch --resume` of the run makes it again"),
+        told.contains("`formica launch --resume RUN` recreates it"),
         "{told}"
     );
     assert_eq!(shared_memory(&run), Vec::<String>::new());

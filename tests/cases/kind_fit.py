@@ -231,7 +231,7 @@ def rows_of_another_body_are_named(bench):
     d4rl(bench, "x.hdf5", points)
     for more in ((), ("--set", "dataset.fit=warn")):
         outcome = bench.formica("check", config(bench, "medium", "x.hdf5"), *more)
-        outcome.fails(2, "observations of 4 values and actions of 2", "those of the simulator 'point'", "name data of 'ant'")
+        outcome.fails(2, "observations of 4 values and actions of 2", "widths are those of 'point'", "use data recorded with 'ant'")
     bench.formica("dataset", "convert", "x.hdf5", "m-v0", "--to", "minari").succeeds()
     bench.formica("dataset", "info", "m-v0").succeeds("observations of 4 values and actions of 2")
 

@@ -1,4 +1,4 @@
-//! Arrays that a process owns, or that lie in a file that all processes of a machine share.
+//! Arrays in memory of their own or in a mapped file.
 
 use std::fmt;
 use std::ops::{Deref, DerefMut, Range};
@@ -7,50 +7,50 @@ use std::sync::Arc;
 use bytemuck::Pod;
 use memmap2::Mmap;
 
-/// Values one after the other: a slice, wherever it lies. Changing one that lies in a file makes a
-/// copy of it first; the file stays as it is.
+/// A slice in a vector or in a mapped file. Modifying a mapped array copies it to a vector first, as
+/// [`std::borrow::Cow`] does; the file is never modified.
 #[derive(Clone)]
 pub struct Array<T>(Store<T>);
 
 #[derive(Clone)]
 enum Store<T> {
     Owned(Vec<T>),
-    /// Bytes of a file, aligned and of a whole number of values.
+    /// A byte range that casts to `[T]`.
     Mapped(Arc<Mmap>, Range<usize>),
 }
 
 impl<T: Pod> Array<T> {
-    /// Bytes of a file as values; none where they are no whole number of values, are not aligned, or
-    /// are not there.
+    /// Casts a byte range of a file; `None` if it is out of bounds, misaligned, or not a whole number
+    /// of elements.
     pub(crate) fn mapped(map: &Arc<Mmap>, bytes: Range<usize>) -> Option<Self> {
         let found = map.get(bytes.clone())?;
         bytemuck::try_cast_slice::<u8, T>(found).ok()?;
         Some(Self(Store::Mapped(Arc::clone(map), bytes)))
     }
 
-    /// Whether the values lie in a file.
+    /// Returns true if the array is in a mapped file.
     #[must_use]
     pub fn is_mapped(&self) -> bool {
         matches!(self.0, Store::Mapped(..))
     }
 
-    /// The values as a vector to change.
+    /// Returns the vector, copying a mapped array first.
     pub fn to_mut(&mut self) -> &mut Vec<T> {
         if self.is_mapped() {
             self.0 = Store::Owned(self.to_vec());
         }
         match &mut self.0 {
             Store::Owned(values) => values,
-            Store::Mapped(..) => unreachable!("it was copied above"),
+            Store::Mapped(..) => unreachable!("a mapped array was copied"),
         }
     }
 
-    /// Appends a value.
+    /// Appends an element.
     pub fn push(&mut self, value: T) {
         self.to_mut().push(value);
     }
 
-    /// Appends values.
+    /// Appends elements.
     pub fn extend_from_slice(&mut self, values: &[T]) {
         self.to_mut().extend_from_slice(values);
     }
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn values_of_a_file_are_those_that_were_written() {
+    fn a_mapped_array_is_copied_on_write() {
         let values = [1.5_f32, -2.0, 3.25];
         let map = map(bytemuck::cast_slice(&values));
         let mut array = Array::<f32>::mapped(&map, 0..12).unwrap();
@@ -160,12 +160,12 @@ mod tests {
         array.push(5.0);
         assert!(!array.is_mapped());
         assert_eq!(array, [1.5, 4.0, 3.25, 5.0]);
-        // The file is as it was.
+        // The file is unchanged.
         assert_eq!(*Array::<f32>::mapped(&map, 0..12).unwrap(), values);
     }
 
     #[test]
-    fn bytes_that_are_no_values_are_none() {
+    fn invalid_ranges_are_refused() {
         let map = map(&[0; 16]);
         assert!(Array::<f32>::mapped(&map, 0..10).is_none());
         assert!(Array::<f32>::mapped(&map, 2..6).is_none());

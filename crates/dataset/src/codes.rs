@@ -1,5 +1,5 @@
-//! Latents and nearest nodes of all rows, as one mapped file beside a run's prepared data: computed
-//! by the process that builds the graph, before it publishes it, and read by those that learn on it.
+//! Latents and nearest nodes of all rows, as a mapped file next to a run's prepared data. The
+//! graph-builder writes the file before it publishes the graph; the learner maps it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,28 +9,29 @@ use serde::{Deserialize, Serialize};
 use crate::mapped::{self, Mapped, Values};
 use crate::{Array, MappedError};
 
-/// The file in a run's folder.
+/// Name of the file in a run's folder.
 const FILE: &str = "codes.mapped";
 const KIND: &str = "codes";
 
-/// What the codes are of.
+/// Metadata of the file: what the codes were computed from.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct About {
     rows: u64,
     /// Width of a latent.
     width: u64,
-    /// A hash of the encoder's weights, and of the nodes' latents.
+    /// Hash of the encoder's weights.
     encoder: u64,
+    /// Hash of the nodes' latents.
     nodes: u64,
 }
 
-/// Codes that lie in a run's folder.
+/// Codes from a run's folder.
 #[derive(Debug, Clone)]
 pub struct Codes {
     /// Latents of all rows, `[n, width]`.
     pub latents: Array<f32>,
     nodes: Array<u32>,
-    /// What these are of.
+    /// Hash of the latents of the graph's nodes.
     of: u64,
 }
 
@@ -39,11 +40,11 @@ fn file(run: &Path) -> PathBuf {
 }
 
 impl Codes {
-    /// Writes the latents of all rows, made with the weights of an encoder, and the nearest node of
-    /// each, among nodes with latents of the same width; whole or not at all.
+    /// Atomically writes the latents and the nearest node of each row. The pair is the encoder's
+    /// weights and the latents of the graph's nodes.
     ///
     /// # Errors
-    /// What the system refuses. Nobody needs the file: who finds none computes its own.
+    /// The file cannot be written. It is an optimization: readers compute the codes without it.
     pub fn save(
         run: &Path,
         [encoder, nodes]: [&[f32]; 2],
@@ -63,8 +64,8 @@ impl Codes {
         mapped::write(&file(run), KIND, &about, &arrays)
     }
 
-    /// The codes of so many rows, in latents of a width, made with the weights of an encoder; none
-    /// where there are none of these, or damaged ones.
+    /// Opens the codes of `rows` rows with latents of `width` values, computed with these weights of
+    /// the encoder. Returns `None` if the file is missing, corrupt, or of another encoder.
     #[must_use]
     pub fn open(run: &Path, rows: usize, width: usize, encoder: &[f32]) -> Option<Self> {
         let file = Mapped::open(&file(run), KIND).ok()?;
@@ -84,7 +85,7 @@ impl Codes {
         fits.then_some(Self { latents, nodes, of })
     }
 
-    /// The nearest of nodes with these latents to each row; none where the codes are of other nodes.
+    /// Returns the nearest node of each row, or `None` if the nodes have other latents than these.
     #[must_use]
     pub fn nodes(&self, latents: &[f32]) -> Option<Array<u32>> {
         let width = self.latents.len() / self.nodes.len().max(1);
@@ -96,11 +97,11 @@ impl Codes {
 
 /// Removes the codes from a run's folder.
 pub(crate) fn remove(run: &Path) {
-    // What cannot be removed is of no harm.
+    // A file that stays does no harm.
     let _ = fs::remove_file(file(run));
 }
 
-/// Tells weights from others (FNV-1a).
+/// FNV-1a hash.
 fn hash(values: &[f32]) -> u64 {
     let bytes = values.iter().flat_map(|value| value.to_le_bytes());
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
@@ -117,7 +118,7 @@ mod tests {
     const LATENTS: [f32; 6] = [0.1, 0.0, 0.9, 1.0, 0.0, 0.2];
 
     #[test]
-    fn codes_come_back_for_the_same_encoder_and_nodes_alone() {
+    fn codes_are_opened_for_the_same_encoder_and_nodes_only() {
         let folder = tempfile::tempdir().unwrap();
         let run = folder.path();
         let open = |rows, width, encoder: &[f32]| Codes::open(run, rows, width, encoder);
@@ -133,12 +134,12 @@ mod tests {
         assert!(open(6, 1, &ENCODER).is_none());
         remove(run);
         assert!(open(3, 2, &ENCODER).is_none());
-        // What is mapped stays.
+        // A mapping outlives its file.
         assert_eq!(codes.latents, LATENTS);
     }
 
     #[test]
-    fn damage_and_nodes_that_are_not_there_are_no_codes() {
+    fn corrupt_files_and_invalid_nodes_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let run = folder.path();
         Codes::save(run, [&ENCODER, &NODES], &LATENTS, &[0, 2, 0]).unwrap();

@@ -19,6 +19,7 @@ use maze::Layout;
 use crate::Dataset;
 pub use body::Body;
 pub use frame::{Conversion, Frame};
+pub(crate) use load::body;
 pub use load::{LoadError, Loaded, load_for};
 pub use needs::{Expect, Needs};
 pub use unfit::{Number, Share, Unfit};
@@ -98,7 +99,7 @@ pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
     fit
 }
 
-/// Whether rows have the widths of a body's.
+/// Checks that rows have the shape of a body's.
 fn shape(data: &Dataset, body: Body) -> Result<(), Unfit> {
     let wanted = body.shape();
     if *data.shape() == wanted {
@@ -108,8 +109,8 @@ fn shape(data: &Dataset, body: Body) -> Result<(), Unfit> {
         found: data.shape().clone(),
         body,
         instead: match Body::of(data.shape()) {
-            Some(other) => format!("they are those of the simulator '{other}'"),
-            None => "no simulator has such rows".to_owned(),
+            Some(other) => format!("the file's widths are those of '{other}'"),
+            None => "no simulator has the file's widths".to_owned(),
         },
     })
 }

@@ -1,4 +1,4 @@
-//! Data sets made up for tests.
+//! Data sets for tests.
 
 use crate::{Dataset, Element, Shape};
 

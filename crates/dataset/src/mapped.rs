@@ -1,13 +1,12 @@
-//! Files of flat arrays that are read by mapping them, so that all processes of a machine share one
-//! copy in memory.
+//! Files of flat arrays, read by mapping them into memory: all processes that map a file share its
+//! pages.
 //!
-//! Layout: magic (8 bytes), format (u32), checksum (CRC-32 of the length and the description, u32),
-//! length of the description (u64), all little-endian; the description, as postcard writes it; then
-//! the arrays in the machine's own byte order, each at a multiple of 64 bytes. A file belongs to the
-//! machine that wrote it.
+//! Layout: magic (8 bytes), format version (u32), CRC-32 of the length and the description (u32),
+//! length of the description (u64), all little-endian; the description, encoded with postcard; the
+//! arrays in native byte order, each aligned to 64 bytes. The format is private to one machine.
 //!
-//! A file is written beside its place and renamed, never changed in place. Its length is compared
-//! with the description before it is mapped, so that no access goes beyond its end.
+//! A file is written under a temporary name and renamed. It is never modified in place. Its length is
+//! checked against the description before it is mapped, so no access can go past its end.
 
 mod header;
 #[cfg(test)]
@@ -26,13 +25,13 @@ use serde::de::DeserializeOwned;
 use crate::Array;
 use header::{Description, Section};
 
-/// Why a mapped file could not be written or used.
+/// Error from writing or opening a mapped file.
 #[derive(Debug, thiserror::Error)]
 pub enum MappedError {
-    /// The system refused to write it.
+    /// The file could not be written.
     #[error(
-        "{path} cannot be written: {source}; it takes {megabytes} MB, make room for them or start the \
-         run on another disk",
+        "{path} cannot be written: {source}; it needs {megabytes} MB: make room, or start the run on \
+         another disk",
         path = .path.display(), megabytes = .bytes.div_ceil(1_000_000)
     )]
     Write {
@@ -40,34 +39,34 @@ pub enum MappedError {
         path: PathBuf,
         /// Its length.
         bytes: u64,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The system refused to read it.
+    /// The file could not be opened, read or mapped.
     #[error(
-        "{path} cannot be read: {source}; `formica launch --resume` of the run makes it again",
+        "{path} cannot be read: {source}; `formica launch --resume RUN` recreates it",
         path = .path.display()
     )]
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// Cut off, changed, or of another format.
+    /// The file is truncated, corrupt, or has another format.
     #[error(
-        "{path} is damaged: {what}; `formica launch --resume` of the run makes it again",
+        "{path} is damaged: {what}; `formica launch --resume RUN` recreates it",
         path = .path.display()
     )]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What shows it.
+        /// What is wrong with it.
         what: String,
     },
 }
 
-/// An array to write: its name, the size of a value and the values.
+/// An array to write: its name, the size of an element, and the elements as bytes.
 pub(crate) struct Values<'a> {
     name: &'static str,
     size: usize,
@@ -84,7 +83,7 @@ impl<'a> Values<'a> {
     }
 }
 
-/// Writes a file of a kind, whole or not at all, with what is to be known about its arrays.
+/// Atomically writes a file of the given kind. `about` is metadata for [`Mapped::about`].
 pub(crate) fn write(
     path: &Path,
     kind: &str,
@@ -120,7 +119,7 @@ fn pad(file: &mut impl Write, count: u64) -> io::Result<()> {
     io::copy(&mut io::Read::take(io::repeat(0), count), file).map(drop)
 }
 
-/// A file that is mapped.
+/// A mapped file.
 #[derive(Debug)]
 pub(crate) struct Mapped {
     path: PathBuf,
@@ -129,7 +128,7 @@ pub(crate) struct Mapped {
 }
 
 impl Mapped {
-    /// Opens a file of a kind.
+    /// Opens a file of the given kind.
     pub(crate) fn open(path: &Path, kind: &str) -> Result<Self, MappedError> {
         let refused = |source| MappedError::Read {
             path: path.to_path_buf(),
@@ -139,7 +138,7 @@ impl Mapped {
             path: path.to_path_buf(),
             what,
         };
-        // Opening a pipe would wait for a writer.
+        // Opening a pipe would block until it has a writer.
         if !fs::metadata(path).map_err(refused)?.is_file() {
             return Err(damaged("it is not a file".to_owned()));
         }
@@ -149,7 +148,7 @@ impl Mapped {
             .map_err(refused)?
             .map_err(damaged)?;
         if description.kind != kind {
-            return Err(damaged(format!("it holds '{}'", description.kind)));
+            return Err(damaged(format!("it contains '{}'", description.kind)));
         }
         Ok(Self {
             path: path.to_path_buf(),
@@ -165,13 +164,13 @@ impl Mapped {
         }
     }
 
-    /// What was to be known about its arrays.
+    /// The metadata that the file was written with.
     pub(crate) fn about<T: DeserializeOwned>(&self) -> Result<T, MappedError> {
         postcard::from_bytes(&self.description.about)
-            .map_err(|_| self.damaged("it holds another kind of description"))
+            .map_err(|_| self.damaged("its metadata cannot be decoded"))
     }
 
-    /// An array, by its name.
+    /// Returns an array by name.
     pub(crate) fn array<T: Pod>(&self, name: &str) -> Result<Array<T>, MappedError> {
         let named = |section: &&Section| section.name == name;
         let section = self.description.sections.iter().find(named);
@@ -185,11 +184,11 @@ impl Mapped {
     }
 }
 
-/// Maps a file, to be read alone.
+/// Maps a file read-only.
 #[allow(unsafe_code)]
 pub(crate) fn map(file: &File) -> io::Result<Mmap> {
-    // SAFETY: the bytes must not change while they are mapped. Such files lie in a run's folder,
-    // which its owner alone may write to; they are replaced by a rename and never changed or cut in
-    // place, so that what is mapped stays what it was, also after it was replaced or removed.
+    // SAFETY: the mapped bytes must not change. These files are in a run's folder, which only its
+    // owner can write to, and are replaced by a rename, never modified or truncated in place. A
+    // mapping keeps the old content after a rename or a removal.
     unsafe { Mmap::map(file) }
 }

@@ -1,5 +1,5 @@
-//! A run's data as one mapped file in its folder: read, checked, converted and cut once by the
-//! launcher, and shared by all processes that learn from them.
+//! A run's data as a mapped file in its folder. The launcher reads, checks and converts the data set
+//! once; the processes that train on it map the file.
 
 mod stamp;
 #[cfg(test)]
@@ -15,31 +15,31 @@ use crate::mapped::{self, Mapped, Values};
 use crate::{Dataset, Element, Loaded, MappedError, Needs, Shape, codes};
 pub use stamp::Stamp;
 
-/// The file in a run's folder.
+/// Name of the file in a run's folder.
 const FILE: &str = "data.mapped";
 const KIND: &str = "data set";
 
-/// What is to be known about the arrays.
+/// Metadata of the file.
 #[derive(Serialize, Deserialize)]
 struct About {
     stamp: Stamp,
     notes: Vec<String>,
     sides: Vec<u64>,
-    /// Whether observations are images.
+    /// True if observations are images.
     images: bool,
     action: u64,
     rows: u64,
 }
 
-/// Where the prepared data of the run in a folder are.
+/// Path of the file in a run's folder.
 fn file(run: &Path) -> PathBuf {
     run.join(FILE)
 }
 
-/// Writes the data into a run's folder, whole or not at all, and removes what was computed of others.
+/// Atomically writes the data to a run's folder, and removes [`crate::Codes`] of earlier data.
 ///
 /// # Errors
-/// What the system refuses: a full disk above all.
+/// The file cannot be written, for example because the disk is full.
 pub fn save(run: &Path, loaded: &Loaded) -> Result<(), MappedError> {
     codes::remove(run);
     let data = &loaded.data;
@@ -67,14 +67,14 @@ pub fn save(run: &Path, loaded: &Loaded) -> Result<(), MappedError> {
     mapped::write(&file(run), KIND, &about, &arrays)
 }
 
-/// Maps the data of the run in a folder.
+/// Maps the data in a run's folder.
 ///
 /// # Errors
-/// A file that is missing, cut off, damaged or of another version.
+/// The file is missing, truncated, corrupt, or of another version.
 pub fn open(run: &Path) -> Result<Loaded, MappedError> {
     let file = Mapped::open(&file(run), KIND)?;
     let about: About = file.about()?;
-    let wrong = || file.damaged("its arrays are not of one length");
+    let wrong = || file.damaged("its arrays differ in length");
     let count = |value: u64| usize::try_from(value).map_err(|_| wrong());
     let sides = about.sides.iter().map(|side| count(*side));
     let sides: Vec<usize> = sides.collect::<Result<_, _>>()?;
@@ -117,13 +117,13 @@ pub fn open(run: &Path) -> Result<Loaded, MappedError> {
     for end in &file.array::<u64>("episode_ends")? {
         let end = count(*end)?;
         if end <= start || end > rows {
-            return Err(file.damaged("its episodes are not its rows"));
+            return Err(file.damaged("its episodes do not cover its rows"));
         }
         data.episodes.push(start..end);
         start = end;
     }
     if start != rows {
-        return Err(file.damaged("its episodes are not its rows"));
+        return Err(file.damaged("its episodes do not cover its rows"));
     }
     Ok(Loaded {
         data,
@@ -132,7 +132,7 @@ pub fn open(run: &Path) -> Result<Loaded, MappedError> {
     })
 }
 
-/// Whether a run's folder holds whole data of the config's data set as it is now.
+/// Returns true if a run's folder has valid data made from the config's data set as it is now.
 #[must_use]
 pub fn is_fresh(run: &Path, config: &Config, needs: &Needs) -> bool {
     match (open(run), Stamp::of(config, needs)) {
@@ -141,9 +141,9 @@ pub fn is_fresh(run: &Path, config: &Config, needs: &Needs) -> bool {
     }
 }
 
-/// Removes the data from a run's folder, and what was computed of them: they can be made again.
+/// Removes the data and their [`crate::Codes`] from a run's folder. Both can be recreated.
 pub fn remove(run: &Path) {
     codes::remove(run);
-    // What cannot be removed is of no harm.
+    // A file that stays does no harm.
     let _ = fs::remove_file(file(run));
 }

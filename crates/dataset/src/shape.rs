@@ -1,4 +1,4 @@
-//! What a row of a data set holds: an observation's shape and type, and an action's width.
+//! Shape of a data set's rows: shape and type of an observation, width of an action.
 
 use std::fmt;
 
@@ -7,13 +7,13 @@ use maze::{ACTION, OBSERVATION};
 /// Type of an observation's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Element {
-    /// Any number type of a file, as `f32`.
+    /// `f32`, whatever number type the file has.
     F32,
-    /// Bytes of an image.
+    /// Bytes of images.
     U8,
 }
 
-/// Shape of a data set's rows. `Display` gives a few words.
+/// Shape of a data set's rows. `Display` describes it in a few words.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Shape {
     sides: Vec<usize>,
@@ -22,7 +22,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Observations of so many `f32` values, of which the first two are x and y, and actions.
+    /// Observations of `observation` values, of which the first two are x and y.
     #[must_use]
     pub fn vectors(observation: usize, action: usize) -> Self {
         Self {
@@ -32,7 +32,7 @@ impl Shape {
         }
     }
 
-    /// Images of these sides (rows, columns, channels), a byte a value, and actions.
+    /// Images with these dimensions (rows, columns, channels), one byte per value.
     #[must_use]
     pub fn images(sides: &[usize], action: usize) -> Self {
         Self {
@@ -42,13 +42,13 @@ impl Shape {
         }
     }
 
-    /// That of the ant: 29 values and 8 torques.
+    /// The ant's: 29 values and 8 torques.
     #[must_use]
     pub fn ant() -> Self {
         Self::vectors(OBSERVATION, ACTION)
     }
 
-    /// Sides of an observation; one for a vector.
+    /// Dimensions of an observation; one for a vector.
     #[must_use]
     pub fn sides(&self) -> &[usize] {
         &self.sides
@@ -60,23 +60,22 @@ impl Shape {
         self.element
     }
 
-    /// Values of an observation.
+    /// Number of values in an observation.
     #[must_use]
     pub fn observation(&self) -> usize {
         self.sides.iter().product()
     }
 
-    /// Values of an action.
+    /// Number of values in an action.
     #[must_use]
     pub fn action(&self) -> usize {
         self.action
     }
 
-    /// Width of the positions at an observation's beginning; velocities follow. None where a state
-    /// is not laid out like that.
+    /// Number of positions at the start of an observation, if the rest are velocities.
     pub(crate) fn positions(&self) -> Option<usize> {
         match (self.element, self.sides.as_slice()) {
-            // A rotation has a value more than its velocity.
+            // A quaternion has one value more than its velocity.
             (Element::F32, [OBSERVATION]) => Some(15),
             (Element::F32, [4]) => Some(2),
             _ => None,
@@ -100,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shapes_say_what_they_are() {
+    fn widths_and_names_of_shapes() {
         let ant = Shape::ant();
         assert_eq!((ant.observation(), ant.action()), (29, 8));
         assert_eq!(

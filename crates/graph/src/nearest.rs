@@ -1,20 +1,20 @@
-//! The nearest node of each row of data: found once, for all that asks.
+//! The nearest node of each row of a data set, computed once.
 
 use crate::{Graph, kmeans};
 
-/// Nearest of some nodes to each row, and the squared distance to it.
+/// The nearest node of each row, and the squared distance to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Nearest {
-    /// Of each row, by the nodes' order.
+    /// Index of the nearest node, by row.
     pub nodes: Vec<u32>,
-    /// Of each row, to that node.
+    /// Squared distance to it, by row.
     pub distances: Vec<f32>,
-    /// How many nodes there were.
+    /// Number of nodes.
     of: usize,
 }
 
 impl Nearest {
-    /// Of rows with latents `[n, dim]` among nodes with latents `[k, dim]`.
+    /// For rows with latents `[n, dim]` and nodes with latents `[k, dim]`.
     #[must_use]
     pub fn of(latents: &[f32], dim: usize, nodes: &[f32]) -> Self {
         let n = latents.len() / dim.max(1);
@@ -28,9 +28,9 @@ impl Nearest {
         nearest
     }
 
-    /// The nearest of a graph's nodes to each row, where these are nodes by id and the graph holds
-    /// some of them: only rows whose nearest one it lacks are looked at again. The same, bit by bit,
-    /// as if all were.
+    /// The nearest of a graph's nodes to each row, if this was computed for the pool that the graph
+    /// is from. Only rows whose nearest node is not in the graph are searched again; the result is
+    /// the same as if all were.
     #[must_use]
     pub fn within(&self, latents: &[f32], graph: &Graph) -> Vec<u32> {
         let dim = graph.latent_dim;
@@ -38,7 +38,7 @@ impl Nearest {
         for (node, id) in graph.ids.iter().enumerate() {
             match number.get_mut(*id as usize) {
                 Some(slot) => *slot = node as u32,
-                // A node that was not there yet may be the nearest of any row.
+                // A node that was added later may be nearest to any row.
                 None => return Self::of(latents, dim, &graph.latents).nodes,
             }
         }
@@ -74,7 +74,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn rows_of_a_part_are_found_as_if_it_were_all(
+        fn within_a_graph_equals_a_full_search(
             rows in prop::collection::vec(-4.0_f32..4.0, 2..300),
             nodes in prop::collection::vec(-4.0_f32..4.0, 2..60),
             keep in prop::collection::vec(any::<bool>(), 30),
@@ -90,7 +90,7 @@ mod tests {
             prop_assert_eq!(nearest.nodes.len(), rows.len() / 2);
             let found = nearest.within(rows, &graph(ids.clone(), latents.clone()));
             prop_assert_eq!(&found, &Nearest::of(rows, 2, &latents).nodes);
-            // With a node that came later.
+            // With a node that was added later.
             let (ids, latents) = ([ids, vec![99]].concat(), [latents, vec![0.5, 0.5]].concat());
             let found = nearest.within(rows, &graph(ids, latents.clone()));
             prop_assert_eq!(&found, &Nearest::of(rows, 2, &latents).nodes);
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn no_rows_and_no_nodes_are_no_panic() {
+    fn empty_inputs_do_not_panic() {
         let none = Nearest::of(&[], 2, &[0.0, 0.0]);
         assert!(none.within(&[], &graph(vec![0], vec![0.0, 0.0])).is_empty());
         let none = Nearest::of(&[1.0, 1.0], 2, &[]);

@@ -161,9 +161,9 @@ impl Pool {
         self.members.is_empty()
     }
 
-    /// Takes in the data that a graph begins with, and returns the nearest node of each row: as
-    /// [`add`](Self::add) does, and how often a walk that leaves a node towards another one comes to
-    /// it within twice the lag.
+    /// Adds the data set that the graph is built from, as [`add`](Self::add) does, and counts how often
+    /// a walk that leaves a node towards another one reaches it within twice the lag. Returns the
+    /// nearest node of each row.
     pub fn begin(&mut self, data: &Segments<'_>) -> Nearest {
         let nearest = Nearest::of(data.latents, self.dim, &self.latents);
         if !self.is_empty() {
@@ -266,8 +266,8 @@ impl Pool {
         }
     }
 
-    /// Takes from trajectories whose ways are taken in how often a walk that leaves a node towards
-    /// another one comes to it within twice the lag.
+    /// Counts how often a walk that leaves a node towards another one reaches it within twice the lag.
+    /// The trajectories' ways must have been added.
     fn aim(&mut self, data: &Segments<'_>, nodes: &[u32]) {
         let n = nodes.len().min(data.places.len());
         let mut ends: Vec<Vec<u32>> = vec![vec![]; self.len()];

@@ -1,4 +1,4 @@
-//! Latents and nearest nodes of all rows: those that the graph-builder left, or computed here.
+//! Latents and nearest nodes of all rows, from the graph-builder's file or computed here.
 
 use std::path::Path;
 
@@ -7,16 +7,17 @@ use graph::{Graph, Nearest};
 
 use super::vae::Encoder;
 
-/// What the low level learns from, by row.
+/// Inputs of the low level, by row.
 pub(super) struct Codes {
     /// `[n, latent]`.
     pub(super) latents: Array<f32>,
-    /// The graph's node that is nearest.
+    /// Nearest node of the graph.
     pub(super) nodes: Array<u32>,
 }
 
-/// Those of an encoder with these weights and of a graph. The file is there before its graph is
-/// published; on a full disk there is none, and after a restart it may be of another graph.
+/// Returns the codes for an encoder with these weights and a graph. The graph-builder writes the file
+/// before it publishes the graph, so there is nothing to wait for. The file is missing if the disk was
+/// full, and after a restart it may be for another graph; then the codes are computed.
 pub(super) fn of(
     run: &Path,
     data: &Dataset,
@@ -30,7 +31,7 @@ pub(super) fn of(
     let latents = match found {
         Some(found) => found.latents,
         None => {
-            log::info!("no latents of this encoder are in the run's folder; computing them");
+            log::info!("the run's folder has no latents of this encoder; computing them");
             let mut latents = Vec::with_capacity(rows * width);
             encoder.encode((0..rows).map(|row| data.place(row)), &mut latents);
             latents.into()
@@ -47,7 +48,7 @@ mod tests {
     use super::super::vae::Shape;
     use super::*;
 
-    /// Places along a line, a graph of three nodes on it, and the place itself as the latent.
+    /// Rows along a line, with a graph of three nodes. Latents are positions.
     fn line() -> (Dataset, Vec<f32>, Encoder, Graph) {
         let mut data = Dataset::new(dataset::Shape::vectors(4, 2));
         for x in (0..60).chain((0..60).rev()) {
@@ -77,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_that_are_found_are_those_that_are_computed() {
+    fn mapped_codes_equal_computed_ones() {
         let folder = tempfile::tempdir().unwrap();
         let (data, weights, mut encoder, graph) = line();
         let mut codes = || of(folder.path(), &data, &weights, &mut encoder, &graph);
@@ -90,7 +91,7 @@ mod tests {
         let found = codes();
         assert!(found.latents.is_mapped() && found.nodes.is_mapped());
         assert!(found.latents == own.latents && found.nodes == own.nodes);
-        // Of another graph the latents stay.
+        // For another graph only the latents are used.
         let other = [&weights[..], &graph.latents[2..]];
         dataset::Codes::save(folder.path(), other, &own.latents, &own.nodes).unwrap();
         let found = codes();

@@ -1,4 +1,4 @@
-//! The bodies that runs are of, each one's data with widths of their own.
+//! Bodies of the simulators, with the shape of their data.
 
 use std::fmt;
 
@@ -6,12 +6,12 @@ use maze::{Action, Observation, mirrored, mirrored_action};
 
 use crate::Shape;
 
-/// The body that a run's data are of.
+/// Body of a run's simulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Body {
-    /// The ant: all that is known of it is looked at.
+    /// D4RL's ant. Its quaternion, height, joints and velocities are checked as well.
     Ant,
-    /// A point with x, y and their velocities, pushed along both axes.
+    /// A point mass: x, y and their velocities, with a force along each axis.
     Point,
 }
 
@@ -25,7 +25,7 @@ impl fmt::Display for Body {
 }
 
 impl Body {
-    /// All of them.
+    /// All bodies.
     pub const ALL: [Self; 2] = [Self::Ant, Self::Point];
 
     /// The body of a run's simulator.
@@ -45,13 +45,13 @@ impl Body {
         }
     }
 
-    /// The body whose data have a shape.
+    /// The body whose data have this shape.
     #[must_use]
     pub fn of(shape: &Shape) -> Option<Self> {
         Self::ALL.into_iter().find(|body| body.shape() == *shape)
     }
 
-    /// Mirrors a row whose y runs the other way: velocities and actions, and the place as well.
+    /// Mirrors a row across the x axis: position, velocity and action.
     pub(super) fn mirror(self, observation: &mut [f32], action: &mut [f32]) {
         match self {
             Self::Ant => {
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bodies_are_known_by_their_shape() {
+    fn a_shape_identifies_a_body() {
         for body in Body::ALL {
             assert_eq!(Body::of(&body.shape()), Some(body));
         }
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mirrored_row_mirrored_again_is_the_row() {
+    fn mirroring_twice_is_the_identity() {
         for body in Body::ALL {
             let row = |count: usize| (1..=count).map(|at| at as f32).collect::<Vec<_>>();
             let (mut o, mut a) = (row(body.shape().observation()), row(body.shape().action()));

@@ -61,6 +61,11 @@ pub fn load_for(config: &Config, needs: &Needs) -> Result<Loaded, LoadError> {
     Ok(Loaded { data, notes, stamp })
 }
 
+/// Body of a config's simulator.
+pub(crate) fn body(config: &Config) -> Body {
+    Body::named(&config.run.simulator)
+}
+
 fn prepare(
     config: &Config,
     needs: &Needs,
@@ -69,7 +74,7 @@ fn prepare(
     data: Dataset,
 ) -> Result<(Dataset, Vec<String>), LoadError> {
     let expect = Expect {
-        body: Body::named(&config.run.simulator),
+        body: body(config),
         maze: &config.maze.layout,
         layout,
         lags: &needs.lags,

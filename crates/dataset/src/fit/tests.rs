@@ -307,9 +307,9 @@ fn rows_of_another_body_are_named_and_never_taken() {
     let fault = look(&layout, "medium", &points).faults.remove(0);
     assert_eq!(
         fault.to_string(),
-        "the rows are observations of 4 values and actions of 2, those of the simulator 'ant' are \
-         observations of 29 values and actions of 8; they are those of the simulator 'point'; name \
-         data of 'ant'"
+        "the file has observations of 4 values and actions of 2, the simulator 'ant' expects \
+         observations of 29 values and actions of 8 (the file's widths are those of 'point'); use data \
+         recorded with 'ant'"
     );
     assert!(!fault.can_be_waived());
     let images = made::of(&Shape::images(&[8, 8, 3], 8), &[20]);
@@ -317,7 +317,10 @@ fn rows_of_another_body_are_named_and_never_taken() {
         let fit = look_for(body, &layout, "medium", &images);
         let told = fit.faults[0].to_string();
         assert!(told.contains("images of 8 x 8 x 3 bytes"), "{told}");
-        assert!(told.contains("no simulator has such rows"), "{told}");
+        assert!(
+            told.contains("no simulator has the file's widths"),
+            "{told}"
+        );
     }
 }
 

@@ -10,8 +10,8 @@ use crate::Shape;
 pub enum Unfit {
     /// Rows of another body.
     #[error(
-        "the rows are {found}, those of the simulator '{body}' are {wanted}; {instead}; name data of \
-         '{body}'",
+        "the file has {found}, the simulator '{body}' expects {wanted} ({instead}); use data recorded \
+         with '{body}'",
         wanted = .body.shape()
     )]
     Shape {
@@ -19,7 +19,7 @@ pub enum Unfit {
         found: Shape,
         /// The run's body.
         body: Body,
-        /// Whose rows they are, in words.
+        /// Which simulator has such rows, in words.
         instead: String,
     },
     /// Columns 3 to 6 are no rotation.

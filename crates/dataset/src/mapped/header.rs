@@ -1,4 +1,4 @@
-//! The head of a mapped file: what is in it, and where.
+//! Header of a mapped file: names and positions of its arrays.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -8,47 +8,47 @@ use serde::{Deserialize, Serialize};
 
 const MAGIC: &[u8; 8] = b"FORMICAM";
 const FORMAT: u32 = 1;
-/// Where the description begins, and where the part of the head that the checksum is of does.
+/// Offset of the description, and of the first byte that the checksum covers.
 pub(super) const START: usize = 24;
 const CHECKED: usize = 16;
-/// Arrays begin at multiples of this: a cache line, and more than any value's alignment.
+/// Alignment of arrays: a cache line, and a multiple of every element's alignment.
 const ALIGNMENT: u64 = 64;
-/// Longest description that is believed.
+/// Limit on the length of a description.
 const LONGEST: u64 = 1 << 24;
 
-/// What is in a file.
+/// Contents of a file.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Description {
     pub(super) kind: String,
-    /// Of the arrays, as its writer knows it.
+    /// Encoded metadata of the writer.
     pub(super) about: Vec<u8>,
     pub(super) sections: Vec<Section>,
-    /// Bytes of the whole file.
+    /// Length of the whole file in bytes.
     pub(super) length: u64,
 }
 
-/// Where an array is.
+/// Position of an array.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Section {
     pub(super) name: String,
-    /// Bytes of a value.
+    /// Bytes of an element.
     pub(super) size: u64,
-    /// Its first byte in the file.
+    /// Offset in the file.
     pub(super) start: u64,
-    /// Bytes of all values.
+    /// Length in bytes.
     pub(super) bytes: u64,
 }
 
 impl Section {
-    /// Its bytes in the file.
+    /// Its byte range in the file.
     pub(super) fn bytes(&self) -> Option<Range<usize>> {
         let end = self.start.checked_add(self.bytes)?;
         Some(usize::try_from(self.start).ok()?..usize::try_from(end).ok()?)
     }
 }
 
-/// The head of a file, up to its first array, and what it describes. `arrays` are names, bytes of a
-/// value and bytes of all values. The error comes with the file's length.
+/// Lays out a file and encodes its header. `arrays` yields names, element sizes and lengths in bytes.
+/// An error comes with the file's length.
 pub(super) fn encode<'a>(
     kind: &str,
     about: &impl Serialize,
@@ -69,7 +69,7 @@ pub(super) fn encode<'a>(
             bytes: bytes as u64,
         });
     }
-    // Places have a variable length in it, so that room is left for the longest ones.
+    // Offsets are not known yet and are encoded as varints: reserve room for the longest ones.
     let most = postcard::to_stdvec(&description).map_err(failed)?.len()
         + 10 * (description.sections.len() + 1);
     let mut end = (START + most) as u64;
@@ -82,7 +82,7 @@ pub(super) fn encode<'a>(
     Ok((head, description))
 }
 
-/// The head of a description.
+/// Encodes the header of a description.
 pub(super) fn headed(description: &Description) -> Result<Vec<u8>, postcard::Error> {
     let text = postcard::to_stdvec(description)?;
     let mut head = Vec::with_capacity(START + text.len());
@@ -96,14 +96,14 @@ pub(super) fn headed(description: &Description) -> Result<Vec<u8>, postcard::Err
     Ok(head)
 }
 
-/// Reads the head of a file of a length; a sentence where it is no such file, or not a whole one.
+/// Reads and checks the header of a file of the given length. The inner error says what is wrong.
 pub(super) fn read(file: &mut File, length: u64) -> io::Result<Result<Description, String>> {
     let mut head = vec![];
     Read::by_ref(file)
         .take(START as u64)
         .read_to_end(&mut head)?;
     let Some((fixed, [])) = head.split_first_chunk::<START>() else {
-        return Ok(Err("it is cut off".to_owned()));
+        return Ok(Err("it is truncated".to_owned()));
     };
     let [
         m0,
@@ -126,29 +126,31 @@ pub(super) fn read(file: &mut File, length: u64) -> io::Result<Result<Descriptio
     ] = *fixed;
     let format = u32::from_le_bytes([f0, f1, f2, f3]);
     if [m0, m1, m2, m3, m4, m5, m6, m7] != *MAGIC || format != FORMAT {
-        return Ok(Err("it is no file of this version of formica".to_owned()));
+        return Ok(Err(
+            "it was not written by this version of formica".to_owned()
+        ));
     }
     let size = u64::from_le_bytes(size);
     if size > LONGEST || size > length.saturating_sub(START as u64) {
-        return Ok(Err("it is cut off".to_owned()));
+        return Ok(Err("it is truncated".to_owned()));
     }
     Read::by_ref(file).take(size).read_to_end(&mut head)?;
     let checksum = crc32fast::hash(head.get(CHECKED..).unwrap_or_default());
     if checksum != u32::from_le_bytes([c0, c1, c2, c3]) {
-        return Ok(Err("the checksum of its header does not hold".to_owned()));
+        return Ok(Err("the checksum of its header does not match".to_owned()));
     }
     let text = head.get(START..).unwrap_or_default();
     Ok(match postcard::from_bytes::<Description>(text) {
         Ok(description) => whole(&description, length).map(|()| description),
-        Err(_) => Err("its header cannot be read".to_owned()),
+        Err(_) => Err("its header cannot be decoded".to_owned()),
     })
 }
 
-/// Whether a file of a length is what a description says.
+/// Checks a description against the length of its file.
 fn whole(description: &Description, length: u64) -> Result<(), String> {
     if length != description.length {
         let wanted = description.length;
-        return Err(format!("{length} of {wanted} bytes are there"));
+        return Err(format!("it has {length} bytes, not {wanted}"));
     }
     let inside = |section: &Section| {
         section.start.is_multiple_of(ALIGNMENT)
@@ -160,7 +162,7 @@ fn whole(description: &Description, length: u64) -> Result<(), String> {
                 .is_some_and(|end| end <= length)
     };
     match description.sections.iter().find(|section| !inside(section)) {
-        Some(section) => Err(format!("its array '{}' lies beyond its end", section.name)),
+        Some(section) => Err(format!("its array '{}' is out of bounds", section.name)),
         None => Ok(()),
     }
 }

@@ -1,4 +1,4 @@
-//! Every damage to a mapped file is refused or of no consequence.
+//! Corrupt mapped files are refused, or the damage is in bytes that are never read.
 
 use std::fs;
 
@@ -18,7 +18,7 @@ fn written(path: &Path) -> Vec<u8> {
     fs::read(path).unwrap()
 }
 
-/// All that a file holds, looked at.
+/// Reads and compares everything that [`written`] wrote.
 fn read(path: &Path) -> Result<(), MappedError> {
     let file = Mapped::open(path, "test")?;
     assert_eq!(file.about::<(String, u32)>()?, ("about".to_owned(), 3));
@@ -30,7 +30,7 @@ fn read(path: &Path) -> Result<(), MappedError> {
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn arrays_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.mapped");
     written(&path);
@@ -39,7 +39,7 @@ fn what_is_written_is_read() {
     assert_eq!(names.len(), 1);
     let file = Mapped::open(&path, "test").unwrap();
     let array = file.array::<f32>("floats").unwrap();
-    // What is mapped stays when the file is gone, or another one in its place.
+    // A mapping outlives its file's name.
     fs::remove_file(&path).unwrap();
     assert_eq!(array, FLOATS);
     for (name, told) in [("floats", "of another type"), ("gone", "is missing")] {
@@ -51,7 +51,7 @@ fn what_is_written_is_read() {
         error.contains("x.mapped cannot be read: No such file"),
         "{error}"
     );
-    assert!(error.ends_with("`formica launch --resume` of the run makes it again"));
+    assert!(error.ends_with("`formica launch --resume RUN` recreates it"));
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn every_length_and_every_changed_byte_of_the_header_is_refused() {
     }
     fs::write(&path, [&whole[..], &[0]].concat()).unwrap();
     let error = read(&path).unwrap_err().to_string();
-    assert!(error.contains("bytes are there"), "{error}");
+    assert!(error.contains("bytes, not"), "{error}");
     let size = u64::from_le_bytes(whole[16..24].try_into().unwrap());
     let head = 24 + size as usize;
     for at in 0..head {
@@ -76,7 +76,7 @@ fn every_length_and_every_changed_byte_of_the_header_is_refused() {
             assert!(read(&path).is_err(), "byte {at} ^ {mask}");
         }
     }
-    // Behind the head there is nothing before the first array.
+    // The padding between the head and the first array is never read.
     let first = head.next_multiple_of(64);
     let mut padded = whole;
     padded[head..first].fill(0xff);
@@ -84,7 +84,7 @@ fn every_length_and_every_changed_byte_of_the_header_is_refused() {
     read(&path).unwrap();
 }
 
-/// Heads whose checksum holds, and whose content is another's.
+/// Headers with a valid checksum and invalid sections.
 #[test]
 fn descriptions_that_do_not_fit_the_file_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -112,27 +112,27 @@ fn descriptions_that_do_not_fit_the_file_are_refused() {
         bytes.resize(256, 0);
         fs::write(&path, bytes).unwrap();
         let error = read(&path).unwrap_err().to_string();
-        assert!(error.contains("lies beyond its end"), "{error}");
+        assert!(error.contains("is out of bounds"), "{error}");
     }
 }
 
 #[test]
-fn files_of_another_kind_and_what_is_no_file_are_refused() {
+fn other_kinds_and_folders_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.mapped");
     write(&path, "other", &(), &[]).unwrap();
     let error = read(&path).unwrap_err().to_string();
-    assert!(error.contains("it holds 'other'"), "{error}");
+    assert!(error.contains("it contains 'other'"), "{error}");
     let error = read(folder.path()).unwrap_err().to_string();
     assert!(error.contains("it is not a file"), "{error}");
 }
 
 #[test]
-fn what_cannot_be_written_is_told_with_its_length() {
+fn a_failed_write_reports_the_space_needed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("gone/x.mapped");
     let arrays = [Values::new("floats", &FLOATS)];
     let error = write(&path, "test", &(), &arrays).unwrap_err().to_string();
     assert!(error.contains("x.mapped cannot be written: "), "{error}");
-    assert!(error.contains("it takes 1 MB"), "{error}");
+    assert!(error.contains("it needs 1 MB"), "{error}");
 }

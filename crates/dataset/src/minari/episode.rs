@@ -1,23 +1,23 @@
-//! Reads one episode of Minari's layout.
+//! Reads an episode of Minari's layout.
 
 use super::{PLACE_APART, WITH_FORCES};
 use crate::fault::Faults;
 use crate::hdf5::{Folder, Key, Reader, Value, Width, zeros};
 use crate::{Dataset, DatasetError, Element, OnFault, Shape};
 
-/// What is said where a key is missing.
+/// Hint for a missing key.
 pub(super) const LAYOUT: &str = "Minari's layout wants actions, rewards, terminations and \
                                  truncations in each episode, and observations with observation, \
                                  achieved_goal and desired_goal";
-/// The keys of an episode's observations.
+/// Keys of an episode's observations.
 const OBSERVATION: &str = "observations/observation";
 const PLACE: &str = "observations/achieved_goal";
 const GOAL: &str = "observations/desired_goal";
 
-/// What a JPEG file begins with.
+/// First bytes of a JPEG file.
 const JPEG: [f32; 3] = [255.0, 216.0, 255.0];
 
-/// An episode whose length is known.
+/// An episode of known length.
 pub(super) struct Found {
     pub(super) number: usize,
     pub(super) folder: Folder,
@@ -25,25 +25,25 @@ pub(super) struct Found {
 }
 
 impl Found {
-    /// A key with a row for each state.
+    /// Looks up a key with one row per state.
     fn states(&self, reader: &Reader<'_>, name: &str, width: Width) -> Result<Key, DatasetError> {
         let rows = Some(self.actions.rows + 1);
         reader.key(&self.folder, name, rows, width, LAYOUT)
     }
 }
 
-/// How observations become rows.
+/// How an episode's observations are converted to rows.
 pub(super) enum Layout {
-    /// `achieved_goal`, then so many of the values of `observation`.
+    /// `achieved_goal`, then the first `taken` of the `width` values of `observation`.
     Apart { width: usize, taken: usize },
-    /// `observation`, which begins with the place.
+    /// `observation`, which starts with the position.
     Whole { width: usize },
-    /// `observation` is an image of these sides, and `achieved_goal` its place.
+    /// `observation` is an image with these dimensions, taken at `achieved_goal`.
     Image { sides: Vec<usize> },
 }
 
 impl Layout {
-    /// That of an episode, by its shape and values.
+    /// Detects the layout from an episode's shapes and values.
     pub(super) fn of(reader: &Reader<'_>, found: &Found) -> Result<Self, DatasetError> {
         let rest = found.states(reader, OBSERVATION, Width::AtLeast(1))?;
         if let Some(sides) = rest.image() {
@@ -72,7 +72,7 @@ impl Layout {
         })
     }
 
-    /// Shape of the rows, with actions of a width.
+    /// Shape of the rows, given the width of an action.
     pub(super) fn shape(&self, action: usize) -> Shape {
         match self {
             Self::Apart { taken, .. } => Shape::vectors(2 + taken, action),
@@ -82,7 +82,7 @@ impl Layout {
     }
 }
 
-/// Slices of flat arrays; all but those of states without an episode's last row.
+/// Slices of the flat arrays to read episodes into.
 pub(super) struct Flat<'a> {
     widths: [usize; 2],
     observations: &'a mut [f32],
@@ -94,7 +94,7 @@ pub(super) struct Flat<'a> {
     goals: &'a mut [[f32; 2]],
 }
 
-/// Makes room for rows in a data set without any; an error where there is none.
+/// Allocates rows in an empty data set.
 pub(super) fn room(
     data: &mut Dataset,
     rows: usize,
@@ -124,9 +124,9 @@ pub(super) fn room(
 }
 
 impl<'a> Flat<'a> {
-    /// Cuts the first rows off.
+    /// Splits off the first rows.
     pub(super) fn take(&mut self, rows: usize) -> Self {
-        // Nothing of an array that is empty.
+        // An empty array stays empty.
         fn cut<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
             slice.split_off_mut(..count).unwrap_or_default()
         }
@@ -201,12 +201,12 @@ pub(super) fn episode(
     }
 }
 
-/// A key's first rows. A fault in an episode is one of all of it.
+/// Reads the first rows of a key. Any fault makes the whole episode faulty.
 fn rows<T: Value>(reader: &Reader<'_>, key: &Key, into: &mut [T]) -> Result<(), DatasetError> {
     reader.rows(key, 0, into, &Faults::new(OnFault::Refuse))
 }
 
-/// All values of a key.
+/// Reads all values of a key.
 fn all(reader: &Reader<'_>, key: &Key) -> Result<Vec<f32>, DatasetError> {
     let values = zeros(key.rows * key.width);
     let mut values = values.map_err(|error| reader.refuse(error))?;

@@ -19,21 +19,21 @@ const BLOCK: usize = 1 << 14;
 
 /// An array of the archive.
 pub(super) struct Entry<'a> {
-    /// The archive, for errors.
+    /// Path of the archive, for errors.
     pub(super) path: &'a Path,
     pub(super) name: &'static str,
-    /// Values of a row.
+    /// Expected values per row.
     pub(super) width: Width,
-    /// What is said where it is missing.
+    /// Hint if it is missing.
     pub(super) layout: &'static str,
 }
 
-/// What an entry holds.
+/// Contents of an entry.
 pub(super) struct Array {
     pub(super) rows: usize,
-    /// Sides of a row; none where it is one value.
+    /// Dimensions of a row; empty if it is one value.
     pub(super) sides: Vec<usize>,
-    /// Values of a row.
+    /// Values per row.
     pub(super) width: usize,
     pub(super) values: Values,
 }
@@ -41,7 +41,7 @@ pub(super) struct Array {
 /// Values, row by row.
 pub(super) enum Values {
     Floats(Vec<f32>),
-    /// Of images.
+    /// Pixels.
     Bytes(Vec<u8>),
 }
 
@@ -72,7 +72,7 @@ impl Entry<'_> {
         }
     }
 
-    /// Refuses an array of this entry that has not so many rows.
+    /// Checks the number of rows.
     pub(super) fn of_rows(&self, array: &Array, rows: usize) -> Result<(), DatasetError> {
         if array.rows == rows {
             return Ok(());
@@ -149,7 +149,7 @@ impl Entry<'_> {
         self.finish(&head, array, faults)
     }
 
-    /// An array of the header's shape, without its values; `packed` are its bytes in the archive.
+    /// Allocates an array of the header's shape; `packed` is its size in the archive.
     fn room(&self, head: &npy::Header, packed: u64) -> Result<Array, DatasetError> {
         // Flags come as (n,) and as (n, 1).
         let columns = head
@@ -172,8 +172,8 @@ impl Entry<'_> {
         }
         if head.fortran && sides.len() > 1 {
             return Err(self.error(
-                "is stored with its first index fastest; np.ascontiguousarray writes it the other \
-                 way round",
+                "is stored in Fortran order, which is read for vectors only; convert it with \
+                 np.ascontiguousarray",
             ));
         }
         let rows = *rows as usize;
@@ -193,7 +193,7 @@ impl Entry<'_> {
         })
     }
 
-    /// Reads as many values as there is room for.
+    /// Reads all values as `f32`.
     fn floats(
         &self,
         head: &npy::Header,
@@ -216,7 +216,7 @@ impl Entry<'_> {
         Ok(())
     }
 
-    /// Puts values in the order of rows, and notes those that are not finite.
+    /// Converts values to row-major order, and reports those that are not finite.
     fn finish(
         &self,
         head: &npy::Header,

@@ -1,4 +1,4 @@
-//! What prepared data were made from: files, and the settings that shape what is made of them.
+//! What prepared data were made from: the data set's files, and the settings that affect the result.
 
 use std::fs;
 use std::io;
@@ -8,36 +8,36 @@ use std::time::UNIX_EPOCH;
 use config::Config;
 use serde::{Deserialize, Serialize};
 
-use crate::{Needs, minari};
+use crate::{Needs, fit, minari};
 
-/// Tells data of one source and settings from others. Files that a data set's links lead to are not
-/// looked at.
+/// Identifies a data set's files, by path, length and modification time, and the settings it was
+/// prepared with. Targets of links within an HDF5 file are not included.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stamp {
     files: Vec<Source>,
     settings: String,
 }
 
-/// A file that is read.
+/// A file of the data set.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct Source {
     path: String,
     bytes: u64,
-    /// Time of its last modification, from 1970 (ns); 0 where the system has none.
+    /// Modification time since 1970 (ns); 0 if unknown.
     modified: u64,
 }
 
 impl Stamp {
-    /// That of a config's data set as it is now, for an algorithm with these needs.
+    /// Stamp of a config's data set as it is now, for an algorithm with these needs.
     ///
     /// # Errors
-    /// A data set that is not there.
+    /// The data set does not exist.
     pub fn of(config: &Config, needs: &Needs) -> io::Result<Self> {
         let path = std::path::absolute(&config.dataset.path)?;
         let mut files = vec![];
         if fs::metadata(&path)?.is_dir() {
             for name in minari::HOLDS.iter().chain(minari::HOLDS_ITSELF) {
-                // Those that are missing are not read.
+                // The reader skips missing ones, too.
                 files.extend(source(&path.join(name)));
             }
         } else {
@@ -46,9 +46,10 @@ impl Stamp {
         let dataset = &config.dataset;
         let settings = (
             env!("CARGO_PKG_VERSION"),
+            fit::body(config),
             (&config.maze.layout, &config.maze.rows),
             (&dataset.leave_out, dataset.fit, dataset.on_fault),
-            (&config.run.simulator, needs),
+            needs,
         );
         Ok(Self {
             files,

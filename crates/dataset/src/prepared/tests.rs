@@ -1,4 +1,4 @@
-//! Data that were prepared come back as they were, or are refused.
+//! Prepared data round trip; corrupt files are refused.
 
 use std::sync::LazyLock;
 
@@ -16,7 +16,7 @@ fn loaded(data: Dataset) -> Loaded {
 }
 
 #[test]
-fn rows_of_any_shape_come_back_from_one_copy() {
+fn rows_of_any_shape_round_trip() {
     let folder = tempfile::tempdir().unwrap();
     for shape in [
         Shape::ant(),
@@ -37,7 +37,7 @@ fn rows_of_any_shape_come_back_from_one_copy() {
         made.data.goals = crate::Array::default();
         save(folder.path(), &made).unwrap();
         assert_eq!(open(folder.path()).unwrap(), made);
-        // Those of before stay as they were.
+        // A mapping outlives its file.
         assert_eq!(data.goals.len(), 11);
     }
     remove(folder.path());
@@ -45,7 +45,7 @@ fn rows_of_any_shape_come_back_from_one_copy() {
     remove(folder.path());
 }
 
-/// A file of a hundred rows.
+/// A valid file of a hundred rows.
 static WHOLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let made = made::of(&Shape::vectors(4, 2), &[9, 60, 31]);
@@ -55,7 +55,7 @@ static WHOLE: LazyLock<Vec<u8>> = LazyLock::new(|| {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
-    /// Whatever is cut off or changed: an error, or as many rows as there were.
+    /// Truncated or modified files give an error, or all of the rows.
     #[test]
     fn no_change_of_the_file_makes_it_panic(
         cut in prop::option::weighted(0.2, 0_usize..6000),
@@ -72,7 +72,7 @@ proptest! {
         if let Ok(Loaded { data, .. }) = open(folder.path()) {
             made::sound(&data);
             prop_assert_eq!(data.len(), 100);
-            // Every page is there.
+            // Read every element: no page is missing.
             let values = data.observations.iter().chain(&data.actions).chain(&data.rewards);
             prop_assert!(values.map(|value| value.to_bits() & 1).sum::<u32>() <= 700);
         }
@@ -80,7 +80,7 @@ proptest! {
 }
 
 #[test]
-fn arrays_and_episodes_that_do_not_fit_each_other_are_refused() {
+fn inconsistent_arrays_and_episodes_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |change: &dyn Fn(&mut Dataset)| {
         let mut made = loaded(made::varied(&[3, 4]));
@@ -96,15 +96,18 @@ fn arrays_and_episodes_that_do_not_fit_each_other_are_refused() {
         &|data| data.images.push(0),
     ] {
         let told = refused(change);
-        assert!(told.contains("are not of one length"), "{told}");
+        assert!(told.contains("arrays differ in length"), "{told}");
     }
     for episodes in [vec![0..3], vec![0..3, 3..8], vec![0..4, 4..4, 4..7]] {
         let told = refused(&|data| data.episodes.clone_from(&episodes));
-        assert!(told.contains("its episodes are not its rows"), "{told}");
+        assert!(
+            told.contains("its episodes do not cover its rows"),
+            "{told}"
+        );
     }
 }
 
-/// Walks of an ant that stands in the umaze's corridors.
+/// A config and a valid data set of the umaze.
 fn source(folder: &Path) -> Config {
     let way: Vec<[f32; 2]> = (0..40).map(|i| [0.2 * i as f32, 0.0]).collect();
     let back: Vec<[f32; 2]> = way.iter().rev().copied().collect();
@@ -183,7 +186,7 @@ fn data_are_fresh_until_their_source_or_settings_change() {
     }
     assert!(is_fresh(&config(&path, &[("run.seed", "5")])));
     assert!(!super::is_fresh(run.path(), &first, &needs(20)));
-    // The same content at another time.
+    // Same content, later modification time.
     let bytes = fs::read(&path).unwrap();
     let later = std::time::SystemTime::now() + std::time::Duration::from_secs(5);
     fs::write(&path, bytes).unwrap();

@@ -1,4 +1,4 @@
-//! Ways, edges, growth: on lines of a metre a node.
+//! Edges, counts and growth of a pool, on rows along a line.
 
 use proptest::prelude::*;
 use rand::SeedableRng;
