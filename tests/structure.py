@@ -30,7 +30,7 @@ ALLOWED = {
     "nets": "durable",
     "runs": "config durable",
     "trace": "durable simulator",
-    "dataset": "config durable maze",
+    "dataset": "config durable maze simulator simulators",
     "agents": "config dataset graph maze nets simulator simulators",
     "report": "agents config graph maze plot runs simulator simulators trace",
     "actor": "agents config dataset durable maze nets simulator simulators trace wire",

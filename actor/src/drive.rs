@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use maze::PointBody;
+use anyhow::Context;
 use simulator::Body;
 
 use crate::walker::Walker;
@@ -10,10 +10,10 @@ use crate::walker::Walker;
 /// A behaviour of a simulator's body.
 #[derive(Clone)]
 pub(crate) enum Drive {
-    /// The ant's walker.
+    /// A walker that has learnt it.
     Walker(Box<Walker>),
-    /// The point's: straight ahead.
-    Straight,
+    /// That of a body which moves straight by itself.
+    Straight(&'static dyn Body),
 }
 
 impl Drive {
@@ -22,21 +22,26 @@ impl Drive {
     /// # Errors
     /// A simulator without a behaviour, a walker that cannot be read.
     pub(crate) fn of(simulator: &str, walker: Option<&Path>) -> anyhow::Result<Self> {
-        match simulator {
-            "ant" => Ok(Self::Walker(Box::new(Walker::load(walker)?))),
-            "point" => Ok(Self::Straight),
-            _ => anyhow::bail!(
-                "data cannot be collected with the simulator '{simulator}', which has no behaviour to \
-                 collect them with; give a data set by dataset.path"
-            ),
+        let body = simulators::body(simulator)
+            .with_context(|| format!("there is no simulator '{simulator}'"))?;
+        if body.towards([0.0; 2], &mut vec![]) {
+            return Ok(Self::Straight(body));
         }
+        let walker = Walker::load(walker)?;
+        if !walker.fits(body) {
+            anyhow::bail!(
+                "data cannot be collected with the simulator '{simulator}': the walker moves another body; \
+                 give a data set by dataset.path"
+            );
+        }
+        Ok(Self::Walker(Box::new(walker)))
     }
 
     /// Identifies the behaviour in a file of collected data.
     pub(crate) fn hash(&self) -> String {
         match self {
             Self::Walker(walker) => walker.hash(),
-            Self::Straight => format!("{} straight", PointBody.name()),
+            Self::Straight(body) => format!("{} straight", body.name()),
         }
     }
 
@@ -45,7 +50,9 @@ impl Drive {
         action.clear();
         match self {
             Self::Walker(walker) => action.extend(walker.act(observation, direction)),
-            Self::Straight => action.extend(PointBody::towards(direction)),
+            Self::Straight(body) => {
+                body.towards(direction, action);
+            }
         }
     }
 }

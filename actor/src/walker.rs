@@ -5,6 +5,7 @@ use std::path::Path;
 use agents::walker::{Policy, WalkerError, load};
 use maze::{Action, Egocentric};
 use nets::Workspace;
+use simulator::Body;
 
 /// A walker and the buffers of one ant.
 #[derive(Clone)]
@@ -27,6 +28,12 @@ impl Walker {
             weights,
             workspace,
         })
+    }
+
+    /// Whether its network reads what a body views and gives that body's actions.
+    pub(crate) fn fits(&self, body: &dyn Body) -> bool {
+        let mlp = self.policy.mlp();
+        (mlp.inputs(), mlp.outputs()) == (body.features(), body.spaces().action.len())
     }
 
     /// A hash of the weights (FNV-1a, 16 hexadecimal digits).

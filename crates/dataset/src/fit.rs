@@ -4,7 +4,6 @@
 //! wall, none jumps, actions have bounds; an ant's quaternion has norm 1, and its places change as
 //! its velocities say. Frames of reference of other public data sets are recognised and converted.
 
-mod body;
 mod columns;
 mod frame;
 mod load;
@@ -15,11 +14,10 @@ mod sample;
 mod unfit;
 
 use maze::Layout;
+use simulator::{Body, Columns};
 
-use crate::Dataset;
-pub use body::Body;
+use crate::{Dataset, Shape};
 pub use frame::{Conversion, Frame};
-pub(crate) use load::body;
 pub use load::{LoadError, Loaded, load_for};
 pub use needs::{Expect, Needs};
 pub use unfit::{Number, Share, Unfit};
@@ -48,8 +46,13 @@ pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
         fit.faults.push(fault);
         return fit;
     }
-    let ant = expect.body == Body::Ant;
-    if ant && let Err(fault) = columns::observations(data) {
+    let joints = match expect.body.columns() {
+        Columns::Free { joints } => Some(joints),
+        Columns::Plain => None,
+    };
+    if let Some(joints) = joints
+        && let Err(fault) = columns::observations(data, joints)
+    {
         fit.faults.push(fault);
     }
     match places::judge(data, expect.maze, expect.layout) {
@@ -71,7 +74,7 @@ pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
                 fit.notes.push(format!(
                     "the {} jumps by more than {} m in {} steps that end no episode (first after row \
                      {first}); episodes are cut there",
-                    expect.body,
+                    expect.body.name(),
                     Number(motion::MOST_STEP),
                     jumps.len(),
                 ));
@@ -80,10 +83,8 @@ pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
         }
         Err(fault) => fit.faults.push(fault),
     }
-    if !ant {
-        return fit;
-    }
-    match motion::velocities(data, fit.conversion.frame) {
+    let Some(joints) = joints else { return fit };
+    match motion::velocities(data, 7 + joints.len(), fit.conversion.frame) {
         Ok(velocities) => {
             fit.conversion.places_alone = velocities.places_alone;
             if velocities.places_alone {
@@ -100,16 +101,17 @@ pub fn check(data: &Dataset, expect: &Expect<'_>) -> Fit {
 }
 
 /// Checks that rows have the shape of a body's.
-fn shape(data: &Dataset, body: Body) -> Result<(), Unfit> {
-    let wanted = body.shape();
+fn shape(data: &Dataset, body: &dyn Body) -> Result<(), Unfit> {
+    let wanted = Shape::of(body);
     if *data.shape() == wanted {
         return Ok(());
     }
     Err(Unfit::Shape {
         found: data.shape().clone(),
-        body,
-        instead: match Body::of(data.shape()) {
-            Some(other) => format!("the file's widths are those of '{other}'"),
+        wanted,
+        body: body.name(),
+        instead: match data.shape().bodies().next() {
+            Some(other) => format!("the file's widths are those of '{}'", other.name()),
             None => "no simulator has the file's widths".to_owned(),
         },
     })
@@ -118,8 +120,8 @@ fn shape(data: &Dataset, body: Body) -> Result<(), Unfit> {
 impl Fit {
     /// Data as the run has them: converted, and cut at jumps.
     #[must_use]
-    pub fn apply(&self, layout: &Layout, mut data: Dataset) -> Dataset {
-        self.conversion.apply(layout, &mut data);
+    pub fn apply(&self, body: &dyn Body, layout: &Layout, mut data: Dataset) -> Dataset {
+        self.conversion.apply(body, layout, &mut data);
         if self.cuts.is_empty() {
             return data;
         }
@@ -159,10 +161,11 @@ pub fn suffices(data: &Dataset, expect: &Expect<'_>) -> Result<(), Unfit> {
             why,
         });
     }
-    let moving = motion::moving(data, expect.nodes);
+    let moving = motion::moving(data, expect.body, expect.nodes);
     if moving < expect.nodes {
         return Err(Unfit::Still {
-            body: expect.body,
+            body: expect.body.name(),
+            standing: matches!(expect.body.columns(), Columns::Free { .. }),
             moving,
             rows: data.len(),
             nodes: expect.nodes,

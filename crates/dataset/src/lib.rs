@@ -230,17 +230,6 @@ impl Dataset {
         (0..self.len()).map(|row| self.place(row)).collect()
     }
 
-    /// The z of the ant's up vector in a row: 1 upright, -1 on its back. Other bodies do not fall:
-    /// 1 in every row.
-    #[must_use]
-    pub fn upright(&self, row: usize) -> f32 {
-        let width = self.widths[0];
-        match self.observations.get(row * width..(row + 1) * width) {
-            Some(observation) if width == maze::OBSERVATION => maze::upright(observation),
-            _ => 1.0,
-        }
-    }
-
     /// Number of the episode that a row belongs to; the number of episodes for a row beyond all.
     #[must_use]
     pub fn episode_of(&self, row: usize) -> usize {
@@ -334,14 +323,6 @@ mod tests {
     }
 
     #[test]
-    fn upright_is_one_standing_and_minus_one_on_its_back() {
-        let mut data = made::along(&[&[[1.0, 2.0]; 2]]);
-        data.observations[29 + 3..29 + 7].copy_from_slice(&[0.0, 1.0, 0.0, 0.0]);
-        assert_eq!((data.upright(0), data.upright(1)), (1.0, -1.0));
-        assert_eq!(data.places(), [[1.0, 2.0]; 2]);
-    }
-
-    #[test]
     fn rows_of_any_shape_are_selected_and_left_out() {
         for shape in [Shape::vectors(4, 2), Shape::images(&[8, 8, 3], 3)] {
             let data = made::of(&shape, &[3, 1, 4]);
@@ -360,7 +341,6 @@ mod tests {
                 Element::F32 => assert_eq!(cut.observation(1), data.observation(2)),
                 Element::U8 => assert_eq!(cut.image(1), data.image(2)),
             }
-            assert_eq!(data.upright(0), 1.0);
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use maze::{ACTION, OBSERVATION};
+use maze::AntBody;
+use simulator::{Body, Dtype, Space};
 
 /// Type of an observation's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,10 +43,36 @@ impl Shape {
         }
     }
 
+    /// The shape of a simulator's rows.
+    #[must_use]
+    pub fn of(body: &dyn Body) -> Self {
+        let spaces = body.spaces();
+        Self {
+            sides: spaces.observation.shape,
+            element: match spaces.observation.dtype {
+                Dtype::F32 => Element::F32,
+                Dtype::U8 => Element::U8,
+            },
+            action: spaces.action.len(),
+        }
+    }
+
     /// The ant's: 29 values and 8 torques.
     #[must_use]
     pub fn ant() -> Self {
-        Self::vectors(OBSERVATION, ACTION)
+        Self::of(&AntBody)
+    }
+
+    /// Bodies of the simulators whose rows have this shape.
+    pub fn bodies(&self) -> impl Iterator<Item = &'static dyn Body> + use<> {
+        let observation = Space {
+            shape: self.sides.clone(),
+            dtype: match self.element {
+                Element::F32 => Dtype::F32,
+                Element::U8 => Dtype::U8,
+            },
+        };
+        simulators::with_spaces(observation, Space::vector(self.action))
     }
 
     /// Dimensions of an observation; one for a vector.
@@ -72,14 +99,14 @@ impl Shape {
         self.action
     }
 
-    /// Number of positions at the start of an observation, if the rest are velocities.
+    /// Number of positions at the start of an observation, if a simulator is known whose
+    /// observations are positions and then velocities.
     pub(crate) fn positions(&self) -> Option<usize> {
-        match (self.element, self.sides.as_slice()) {
-            // A quaternion has one value more than its velocity.
-            (Element::F32, [OBSERVATION]) => Some(15),
-            (Element::F32, [4]) => Some(2),
-            _ => None,
-        }
+        let body = self
+            .bodies()
+            .next()
+            .filter(|_| self.element == Element::F32)?;
+        Some(body.columns().positions(self.observation()))
     }
 }
 
@@ -112,8 +139,12 @@ mod tests {
             images.to_string(),
             "images of 64 x 64 x 3 bytes and actions of 8"
         );
+        let names = |shape: &Shape| shape.bodies().map(Body::name).collect::<Vec<_>>();
+        assert_eq!(names(&ant), ["ant"]);
+        assert_eq!(names(&Shape::vectors(4, 2)), ["point"]);
+        assert!(names(&images).is_empty() && names(&Shape::vectors(27, 8)).is_empty());
         let positions = [ant, Shape::vectors(4, 2), Shape::vectors(29, 2), images];
         let positions = positions.map(|shape| shape.positions());
-        assert_eq!(positions, [Some(15), Some(2), Some(15), None]);
+        assert_eq!(positions, [Some(15), Some(2), None, None]);
     }
 }

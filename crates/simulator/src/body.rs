@@ -34,14 +34,53 @@ pub struct Part {
     pub shapes: &'static [Shape],
 }
 
+/// Columns of an observation that is a vector: positions, then their velocities. x and y (m) stand
+/// first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Columns {
+    /// As many velocities as positions.
+    Plain,
+    /// A body that moves freely: x, y, z (m), the unit quaternion w, x, y, z, joint angles (rad); then
+    /// the velocity in the world (m/s), the angular velocity, and the joints' (rad/s).
+    Free {
+        /// Least and greatest angle of each joint (rad).
+        joints: &'static [[f32; 2]],
+    },
+}
+
+impl Columns {
+    /// Number of positions in an observation of `width` values.
+    #[must_use]
+    pub fn positions(self, width: usize) -> usize {
+        match self {
+            Self::Plain => width / 2,
+            Self::Free { joints } => 7 + joints.len(),
+        }
+    }
+}
+
 /// What is known of a simulator without an instance. Observations are its
 /// [`Spaces::observation`], actions its [`Spaces::action`].
-pub trait Body: Send + Sync {
+pub trait Body: std::fmt::Debug + Send + Sync {
     /// Its name, as in `simulator = "ant"`.
     fn name(&self) -> &'static str;
 
     /// Shapes, element types and bounds.
     fn spaces(&self) -> Spaces;
+
+    /// Columns of an observation, by which a data set is checked and written.
+    fn columns(&self) -> Columns;
+
+    /// Mirrors a row across the x axis: what the body does then is what it would do in the mirrored
+    /// maze.
+    fn mirror(&self, observation: &mut [f32], action: &mut [f32]);
+
+    /// Replaces `action` by one that moves the body straight in a world `direction` (m, of any
+    /// length) and returns true; returns false for a body that has to learn how.
+    fn towards(&self, direction: [f32; 2], action: &mut Vec<f32>) -> bool {
+        let _ = (direction, action);
+        false
+    }
 
     /// Where the body is (m), seen from above.
     fn place(&self, observation: &[f32]) -> [f32; 2];

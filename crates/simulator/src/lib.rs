@@ -9,7 +9,7 @@ mod space;
 
 use rand::Rng;
 
-pub use body::{Body, Frame, Part, Shape};
+pub use body::{Body, Columns, Frame, Part, Shape};
 pub use rows::{Row, RowBuffer, RowLayout, RowValues, Rows, flags};
 pub use space::{Dtype, Space, Spaces, SpacesError, Values};
 

@@ -3,7 +3,7 @@
 //! A simulator is a type that implements [`Simulator`], with its [`Body`], and an entry in `ALL`.
 
 use maze::{AntBody, AntSimulator, Layout, PointBody, PointSimulator};
-use simulator::{Body, Simulator};
+use simulator::{Body, Simulator, Space};
 
 /// A simulator that a run can use.
 struct Entry {
@@ -31,6 +31,15 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     ALL.iter().map(|entry| entry.body.name())
 }
 
+/// Bodies whose simulators observe and take arrays like these.
+pub fn with_spaces(observation: Space, action: Space) -> impl Iterator<Item = &'static dyn Body> {
+    let bodies = ALL.iter().map(|entry| entry.body);
+    bodies.filter(move |body| {
+        let spaces = body.spaces();
+        spaces.observation == observation && spaces.action == action
+    })
+}
+
 /// The body of a simulator; `None` for an unknown name.
 #[must_use]
 pub fn body(name: &str) -> Option<&'static dyn Body> {
@@ -56,7 +65,30 @@ mod tests {
             assert_eq!(simulator.body().name(), name);
             assert_eq!(body(name).unwrap().spaces(), simulator.body().spaces());
         }
+        let spaces = body("point").unwrap().spaces();
+        let mut found = with_spaces(spaces.observation, spaces.action);
+        assert_eq!(found.next().map(Body::name), Some("point"));
+        assert!(
+            with_spaces(Space::vector(4), Space::vector(8))
+                .next()
+                .is_none()
+        );
         assert!(body("humanoid").is_none() && create("humanoid", &layout, 0.5).is_none());
+    }
+
+    #[test]
+    fn mirroring_twice_is_the_identity() {
+        for body in names().filter_map(body) {
+            let spaces = body.spaces();
+            let row = |count: usize| (1_u8..).take(count).map(f32::from).collect::<Vec<_>>();
+            let (o, a) = (row(spaces.observation.len()), row(spaces.action.len()));
+            let (mut observation, mut action) = (o.clone(), a.clone());
+            body.mirror(&mut observation, &mut action);
+            assert_eq!(observation[..2], [1.0, -2.0]);
+            assert_ne!(action, a);
+            body.mirror(&mut observation, &mut action);
+            assert_eq!((observation, action), (o, a));
+        }
     }
 
     #[test]

@@ -1,7 +1,5 @@
-//! Whether the columns are those of the ant: quaternion, height, joints; and whether values and
+//! Whether the columns are those of a body that moves freely: quaternion, height, joints; and whether values and
 //! actions of any body are within bounds.
-
-use maze::JOINT_RANGES;
 
 use super::sample;
 use super::unfit::{Number, Share, Unfit};
@@ -28,7 +26,7 @@ const LARGEST_ACTION: f32 = 1.01;
 const UPRIGHT: f32 = 0.7;
 
 /// Everything that is wrong with the columns of the observations.
-pub(super) fn observations(data: &Dataset) -> Result<(), Unfit> {
+pub(super) fn observations(data: &Dataset, joints: &[[f32; 2]]) -> Result<(), Unfit> {
     let rows: Vec<usize> = sample::rows(data.len(), ROWS).collect();
     let share = |odd: &dyn Fn(&[f32]) -> bool| {
         let count = rows.iter().filter(|row| odd(data.observation(**row)));
@@ -66,7 +64,7 @@ pub(super) fn observations(data: &Dataset) -> Result<(), Unfit> {
         });
     }
     let stray = |o: &[f32]| {
-        let angles = o[JOINTS..].iter().zip(&JOINT_RANGES);
+        let angles = o[JOINTS..].iter().zip(joints);
         let mut far =
             angles.map(|(angle, [least, most])| *angle < least - MARGIN || *angle > most + MARGIN);
         far.position(|far| far).map(|joint| JOINTS + joint)

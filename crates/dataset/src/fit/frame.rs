@@ -3,8 +3,8 @@
 use std::fmt;
 
 use maze::{CELL_SIZE, Layout};
+use simulator::Body;
 
-use super::Body;
 use crate::Dataset;
 
 /// Where the origin lies and which way the map's rows go.
@@ -79,18 +79,17 @@ impl Conversion {
     /// A map with y upwards is the mirror image of the same map with y downwards, and no turn
     /// brings one onto the other. So the whole walk is mirrored, which for these bodies is a walk
     /// too.
-    pub fn apply(self, layout: &Layout, data: &mut Dataset) {
+    pub fn apply(self, body: &dyn Body, layout: &Layout, data: &mut Dataset) {
         if self.frame == Frame::D4rl {
             return;
         }
         let mirror = self.frame.is_mirrored() && !self.places_alone;
-        let body = Body::of(data.shape()).filter(|_| mirror);
         let own = |place| self.frame.to_own(layout, place);
         let [width, action] = [data.shape().observation(), data.shape().action()];
         let rows = data.observations.chunks_exact_mut(width.max(1));
         for (row, action) in rows.zip(data.actions.chunks_exact_mut(action.max(1))) {
             let place = own([row[0], row[1]]);
-            if let Some(body) = body {
+            if mirror {
                 body.mirror(row, action);
             }
             row[..2].copy_from_slice(&place);

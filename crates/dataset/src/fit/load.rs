@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use config::{Config, Misfit};
 use maze::{CELL_SIZE, Layout, LayoutError};
 
-use super::{Body, Expect, Needs, Number, Share, Unfit, check, suffices};
+use super::{Expect, Needs, Number, Share, Unfit, check, suffices};
 use crate::error::io_error;
 use crate::prepared::Stamp;
 use crate::{Dataset, DatasetError, Opened, open_with};
@@ -30,6 +30,9 @@ pub enum LoadError {
     /// The maze.
     #[error("maze: {0}")]
     Layout(#[from] LayoutError),
+    /// The simulator.
+    #[error("there is no simulator '{0}'")]
+    Simulator(String),
     /// Data that are whole and do not fit.
     #[error("{path}: {unfit}{waiver}", path = .path.display())]
     Unfit {
@@ -61,11 +64,6 @@ pub fn load_for(config: &Config, needs: &Needs) -> Result<Loaded, LoadError> {
     Ok(Loaded { data, notes, stamp })
 }
 
-/// Body of a config's simulator.
-pub(crate) fn body(config: &Config) -> Body {
-    Body::named(&config.run.simulator)
-}
-
 fn prepare(
     config: &Config,
     needs: &Needs,
@@ -73,8 +71,9 @@ fn prepare(
     layout: &Layout,
     data: Dataset,
 ) -> Result<(Dataset, Vec<String>), LoadError> {
+    let name = &config.run.simulator;
     let expect = Expect {
-        body: body(config),
+        body: simulators::body(name).ok_or_else(|| LoadError::Simulator(name.clone()))?,
         maze: &config.maze.layout,
         layout,
         lags: &needs.lags,
@@ -96,7 +95,7 @@ fn prepare(
         return Err(refuse(fit.faults.swap_remove(at)));
     }
     notes.extend(fit.faults.iter().map(ToString::to_string));
-    let whole = fit.apply(layout, data);
+    let whole = fit.apply(expect.body, layout, data);
     suffices(&whole, &expect).map_err(refuse)?;
     let left_out = |place| config.dataset.leaves_out(layout.cell_at(place));
     let data = if config.dataset.leave_out.is_empty() {

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use maze::CONTROL_SECONDS;
+use simulator::Body;
 
 use super::frame::Frame;
 use super::unfit::{Number, Share, Unfit};
@@ -60,7 +61,7 @@ pub(super) fn jumps(
     let share = Share::of(jumps.len(), data.len() - data.episodes.len());
     match jumps.first() {
         Some(&row) if share.0 > JUMPS => Err(Unfit::Shuffled {
-            body: expect.body,
+            body: expect.body.name(),
             share,
             most: Number(MOST_STEP),
             row,
@@ -80,7 +81,8 @@ pub(super) struct Velocities {
 }
 
 /// Compares the velocities with the places' change, both in the file's own frame.
-pub(super) fn velocities(data: &Dataset, frame: Frame) -> Result<Velocities, Unfit> {
+/// `first` is the column of the velocity in x.
+pub(super) fn velocities(data: &Dataset, first: usize, frame: Frame) -> Result<Velocities, Unfit> {
     let steps: Vec<usize> = sample::rows(data.len(), PAIRS)
         .filter(|row| data.steps_left(*row) > 0 && step(data, *row) <= MOST_STEP)
         .collect();
@@ -90,7 +92,7 @@ pub(super) fn velocities(data: &Dataset, frame: Frame) -> Result<Velocities, Unf
         let (here, there) = (data.observation(row), data.observation(row + 1));
         for axis in 0..2 {
             // What the torso makes on the way, about.
-            let v = f64::from(here[15 + axis] + there[15 + axis]) / 2.0;
+            let v = f64::from(here[first + axis] + there[first + axis]) / 2.0;
             let d = f64::from(there[axis] - here[axis]) / f64::from(CONTROL_SECONDS);
             for (sum, value) in sums[axis].iter_mut().zip([v * v, d * d, v * d]) {
                 *sum += value;
@@ -159,10 +161,10 @@ fn told(slope: f64, explained: f64) -> String {
 }
 
 /// Rows in which the body is under way, as far as it matters whether they are `enough`.
-pub(super) fn moving(data: &Dataset, enough: usize) -> usize {
+pub(super) fn moving(data: &Dataset, body: &dyn Body, enough: usize) -> usize {
     let moves = |row: &usize| {
         let ([x, y], [u, v]) = (data.place(*row), data.place(row + AHEAD));
-        (x - u).hypot(y - v) >= WAY && data.upright(*row) >= UPRIGHT
+        (x - u).hypot(y - v) >= WAY && body.upright(data.observation(*row)) >= UPRIGHT
     };
     let rows = data
         .episodes

@@ -1,8 +1,7 @@
 //! What an algorithm and its run want of data.
 
 use maze::Layout;
-
-use super::body::Body;
+use simulator::Body;
 
 /// What an algorithm needs of its data.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -17,7 +16,7 @@ pub struct Needs {
 #[derive(Debug, Clone)]
 pub struct Expect<'a> {
     /// The body of the simulator.
-    pub body: Body,
+    pub body: &'static dyn Body,
     /// The maze's name, for messages.
     pub maze: &'a str,
     /// Its map.

@@ -1,6 +1,8 @@
 //! Data sets with one fault each, of which only that is told.
 
-use maze::{ACTION, Action, Layout, OBSERVATION, Observation, mirrored, mirrored_action};
+use maze::{
+    ACTION, Action, AntBody, Layout, OBSERVATION, Observation, PointBody, mirrored, mirrored_action,
+};
 
 use super::*;
 use crate::{Dataset, Shape, made};
@@ -65,10 +67,10 @@ fn medium() -> (Layout, Dataset) {
 }
 
 fn look(layout: &Layout, maze: &str, data: &Dataset) -> Fit {
-    look_for(Body::Ant, layout, maze, data)
+    look_for(&AntBody, layout, maze, data)
 }
 
-fn look_for(body: Body, layout: &Layout, maze: &str, data: &Dataset) -> Fit {
+fn look_for(body: &'static dyn Body, layout: &Layout, maze: &str, data: &Dataset) -> Fit {
     let expect = Expect {
         body,
         maze,
@@ -98,7 +100,7 @@ fn sound_data_of_every_maze_fit_and_nothing_is_said_of_them() {
         let data = walks(&layout);
         let fit = look(&layout, name, &data);
         assert_eq!(fit, Fit::default(), "{name}");
-        assert_eq!(fit.apply(&layout, data.clone()), data);
+        assert_eq!(fit.apply(&AntBody, &layout, data.clone()), data);
     }
 }
 
@@ -246,7 +248,7 @@ fn gymnasium_robotics_frame_is_recognised_and_comes_back_whole() {
             "{:?}",
             fit.notes
         );
-        let own = fit.apply(&layout, as_gymnasium(&layout, &data, true));
+        let own = fit.apply(&AntBody, &layout, as_gymnasium(&layout, &data, true));
         assert_close(&own, &data);
         assert_eq!(look(&layout, name, &own), Fit::default());
     }
@@ -261,7 +263,7 @@ fn places_that_alone_were_mirrored_are_alone_mirrored_back() {
         "{fit:?}"
     );
     assert_close(
-        &fit.apply(&layout, as_gymnasium(&layout, &data, false)),
+        &fit.apply(&AntBody, &layout, as_gymnasium(&layout, &data, false)),
         &data,
     );
 }
@@ -281,12 +283,12 @@ fn ogbenchs_frame_is_recognised_where_the_start_is_elsewhere() {
         (fit.conversion.frame, fit.faults.len()),
         (Frame::Ogbench, 0)
     );
-    assert_close(&fit.apply(&layout, moved), &data);
+    assert_close(&fit.apply(&AntBody, &layout, moved), &data);
 }
 
 /// The same walks by a point.
 fn by_a_point(ants: &Dataset) -> Dataset {
-    let mut data = Dataset::new(Body::Point.shape());
+    let mut data = Dataset::new(Shape::of(&PointBody));
     for row in 0..ants.len() {
         let [x, y] = ants.place(row);
         let o = ants.observation(row);
@@ -313,7 +315,7 @@ fn rows_of_another_body_are_named_and_never_taken() {
     );
     assert!(!fault.can_be_waived());
     let images = made::of(&Shape::images(&[8, 8, 3], 8), &[20]);
-    for body in Body::ALL {
+    for body in simulators::names().filter_map(simulators::body) {
         let fit = look_for(body, &layout, "medium", &images);
         let told = fit.faults[0].to_string();
         assert!(told.contains("images of 8 x 8 x 3 bytes"), "{told}");
@@ -329,7 +331,7 @@ fn of_a_point_places_jumps_and_actions_are_looked_at() {
     let (layout, ants) = medium();
     let data = by_a_point(&ants);
     let look =
-        |maze, data: &Dataset| look_for(Body::Point, &Layout::named(maze).unwrap(), maze, data);
+        |maze, data: &Dataset| look_for(&PointBody, &Layout::named(maze).unwrap(), maze, data);
     assert_eq!(look("medium", &data), Fit::default());
     let told = look("umaze", &data).faults[0].to_string();
     assert!(told.contains("they fit 'medium'"), "{told}");
@@ -349,9 +351,9 @@ fn of_a_point_places_jumps_and_actions_are_looked_at() {
     actions.for_each(|action| action[1] = -action[1]);
     let fit = look("medium", &mirrored);
     assert_eq!(fit.conversion.frame, Frame::GymnasiumRobotics);
-    assert_close(&fit.apply(&layout, mirrored), &data);
+    assert_close(&fit.apply(&PointBody, &layout, mirrored), &data);
     let expect = Expect {
-        body: Body::Point,
+        body: &PointBody,
         maze: "medium",
         layout: &layout,
         lags: &LAGS,
@@ -417,7 +419,7 @@ fn unmarked_ends_are_cut_and_shuffled_rows_refused() {
         "{:?}",
         fit.notes
     );
-    let cut = fit.apply(&layout, merged);
+    let cut = fit.apply(&AntBody, &layout, merged);
     assert_eq!(cut.episodes.len(), 2);
     made::sound(&cut);
 
@@ -458,7 +460,7 @@ fn teleports_are_no_ends() {
 fn too_short_and_still_data_are_refused() {
     let (layout, data) = medium();
     let expect = Expect {
-        body: Body::Ant,
+        body: &AntBody,
         maze: "medium",
         layout: &layout,
         lags: &LAGS,
@@ -495,6 +497,6 @@ fn no_data_panic() {
         let fit = look(&layout, "umaze", &data);
         let text: Vec<String> = fit.faults.iter().map(ToString::to_string).collect();
         assert!(!text.join(" ").contains("NaN"), "{text:?}");
-        let _ = fit.apply(&layout, data);
+        let _ = fit.apply(&AntBody, &layout, data);
     }
 }

@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-use super::Body;
 use crate::Shape;
 
 /// Why a run cannot learn from a data set. One sentence each: what, how much, what to do.
@@ -11,14 +10,15 @@ pub enum Unfit {
     /// Rows of another body.
     #[error(
         "the file has {found}, the simulator '{body}' expects {wanted} ({instead}); use data recorded \
-         with '{body}'",
-        wanted = .body.shape()
+         with '{body}'"
     )]
     Shape {
         /// What the file has.
         found: Shape,
-        /// The run's body.
-        body: Body,
+        /// What the run's simulator has.
+        wanted: Shape,
+        /// The run's simulator.
+        body: &'static str,
         /// Which simulator has such rows, in words.
         instead: String,
     },
@@ -161,8 +161,8 @@ pub enum Unfit {
          of time"
     )]
     Shuffled {
-        /// The run's body.
-        body: Body,
+        /// The run's simulator.
+        body: &'static str,
         /// Share of pairs of rows.
         share: Share,
         /// Farthest that the body moves in a step (m).
@@ -176,11 +176,13 @@ pub enum Unfit {
     #[error(
         "the {body} is under way in {moving} of {rows} rows (0.3 m or more within 10 steps{upright}), \
          fewer than graph.nodes = {nodes}; give data in which it moves, or lower graph.nodes",
-        upright = if *body == Body::Ant { ", upright" } else { "" }
+        upright = if *standing { ", upright" } else { "" }
     )]
     Still {
-        /// The run's body.
-        body: Body,
+        /// The run's simulator.
+        body: &'static str,
+        /// Whether it can fall, so that only rows in which it stands count.
+        standing: bool,
         /// Rows in which it moves.
         moving: usize,
         /// All rows.

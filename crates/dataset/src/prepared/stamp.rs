@@ -8,7 +8,7 @@ use std::time::UNIX_EPOCH;
 use config::Config;
 use serde::{Deserialize, Serialize};
 
-use crate::{Needs, fit, minari};
+use crate::{Needs, minari};
 
 /// Identifies a data set's files, by path, length and modification time, and the settings it was
 /// prepared with. Targets of links within an HDF5 file are not included.
@@ -46,7 +46,7 @@ impl Stamp {
         let dataset = &config.dataset;
         let settings = (
             env!("CARGO_PKG_VERSION"),
-            fit::body(config),
+            &config.run.simulator,
             (&config.maze.layout, &config.maze.rows),
             (&dataset.leave_out, dataset.fit, dataset.on_fault),
             needs,

@@ -1,10 +1,10 @@
 //! What is known of the ant without a world.
 
-use simulator::{Body, Frame, Part, Shape, Space, Spaces};
+use simulator::{Body, Columns, Frame, Part, Shape, Space, Spaces};
 
 use super::egocentric::{self, EGOCENTRIC, Egocentric};
-use super::{LEG_RADIUS, LINK, TORSO_RADIUS};
-use crate::{ACTION, CONTROL_SECONDS, OBSERVATION, upright};
+use super::{JOINT_RANGES, LEG_RADIUS, LINK, TORSO_RADIUS, mirrored, mirrored_action};
+use crate::{ACTION, Action, CONTROL_SECONDS, OBSERVATION, Observation, upright};
 
 /// The ant.
 #[derive(Debug, Clone, Copy)]
@@ -92,6 +92,21 @@ impl Body for AntBody {
             action: Space::vector(ACTION),
             goal: 2,
             control_seconds: CONTROL_SECONDS,
+        }
+    }
+
+    fn columns(&self) -> Columns {
+        Columns::Free {
+            joints: &JOINT_RANGES,
+        }
+    }
+
+    fn mirror(&self, observation: &mut [f32], action: &mut [f32]) {
+        if let Ok(row) = <&mut Observation>::try_from(observation) {
+            *row = mirrored(row);
+        }
+        if let Ok(row) = <&mut Action>::try_from(action) {
+            *row = mirrored_action(row);
         }
     }
 

@@ -1,6 +1,6 @@
 //! The point mass: its spaces, its own view, its shape.
 
-use simulator::{Body, Frame, Part, Shape, Space, Spaces};
+use simulator::{Body, Columns, Frame, Part, Shape, Space, Spaces};
 
 use crate::CONTROL_SECONDS;
 use crate::turn::{quarter_turns, turned, turned_back};
@@ -15,15 +15,6 @@ const TOP_SPEED: f32 = STRIDE / CONTROL_SECONDS;
 /// The point mass.
 #[derive(Debug, Clone, Copy)]
 pub struct PointBody;
-
-impl PointBody {
-    /// The action that moves it straight on by a way (m), or as far as it gets in a step.
-    #[must_use]
-    pub fn towards(way: [f32; 2]) -> [f32; 2] {
-        let longest = way[0].abs().max(way[1].abs()).max(STRIDE);
-        way.map(|axis| axis / longest)
-    }
-}
 
 static PARTS: [Part; 1] = [Part {
     name: "point",
@@ -42,6 +33,24 @@ impl Body for PointBody {
             goal: 2,
             control_seconds: CONTROL_SECONDS,
         }
+    }
+
+    fn columns(&self) -> Columns {
+        Columns::Plain
+    }
+
+    fn mirror(&self, observation: &mut [f32], action: &mut [f32]) {
+        for y in observation.iter_mut().chain(action).skip(1).step_by(2) {
+            *y = -*y;
+        }
+    }
+
+    /// By `direction`, or as far as it gets in a step.
+    fn towards(&self, direction: [f32; 2], action: &mut Vec<f32>) -> bool {
+        let longest = direction[0].abs().max(direction[1].abs()).max(STRIDE);
+        action.clear();
+        action.extend(direction.map(|axis| axis / longest));
+        true
     }
 
     fn place(&self, observation: &[f32]) -> [f32; 2] {
@@ -138,9 +147,15 @@ mod tests {
 
     #[test]
     fn it_moves_straight_to_a_place_and_stops_there() {
-        assert_eq!(PointBody::towards([4.0, -2.0]), [1.0, -0.5]);
-        assert_eq!(PointBody::towards([0.1, 0.0]), [0.5, 0.0]);
-        assert_eq!(PointBody::towards([0.0, 0.0]), [0.0, 0.0]);
+        let mut action = vec![];
+        for (way, wanted) in [
+            ([4.0, -2.0], [1.0, -0.5]),
+            ([0.1, 0.0], [0.5, 0.0]),
+            ([0.0, 0.0], [0.0, 0.0]),
+        ] {
+            assert!(PointBody.towards(way, &mut action));
+            assert_eq!(action, wanted);
+        }
     }
 
     #[test]
