@@ -361,3 +361,21 @@ fn any_file_s_name_gives_a_run_s_name_or_a_fault() {
         assert!(told.contains("run.name: the file's name"), "{told}");
     }
 }
+
+#[test]
+fn a_run_of_version_0_1_is_refused_with_the_version_that_continues_it() {
+    let folder = copy();
+    let run = folder.path().join("here/runs/small");
+    for config in [run.join("config.toml"), run.join("checkpoints/config.toml")] {
+        let text = fs::read_to_string(&config).unwrap();
+        let old = text.replace("algorithm = \"lg-h-ppo\"", "kind = \"offline\"");
+        assert_ne!(text, old);
+        fs::write(&config, old).unwrap();
+    }
+    let before = fs::read(run.join("progress.json")).unwrap();
+    let (code, told) = resume(&folder.path().join("here"), &["small"]);
+    assert_eq!(code, Some(2), "{told}");
+    assert!(told.contains("made by formica 0.1"), "{told}");
+    assert!(told.contains("resume it with formica 0.1"), "{told}");
+    assert_eq!(fs::read(run.join("progress.json")).unwrap(), before);
+}

@@ -29,7 +29,7 @@ def what_shapes_a_run_is_refused_by_key(bench):
     before = state(run)
     for change in [
         "run.seed=1", "maze.layout=medium", "encoder.latent=4", "encoder.hidden=[16]", "graph.nodes=30",
-        "low.learning_rate=0.1", "high.steps=50000", "high.planner=search", "graph.online=true", "run.kind=walker",
+        "low.learning_rate=0.1", "high.steps=50000", "high.planner=search", "graph.online=true", "run.algorithm=walker",
         "run.deterministic=true", "run.name=other", "dataset.leave_out=[[1, 2]]", "collect.transitions=20000",
     ]:
         key = change.split("=")[0]

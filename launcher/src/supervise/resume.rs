@@ -4,7 +4,7 @@ use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{bail, ensure};
 use config::{Change, Config, Faults, OnResume};
 use runs::folder::{self, RunFolder};
 use runs::inputs::Inputs;
@@ -12,6 +12,7 @@ use runs::{find, latest, read as recorded};
 
 use super::progress_file::{ProgressFile, RunProgress};
 use crate::check;
+use crate::fault::Input;
 
 type Sets = [(String, String)];
 
@@ -150,14 +151,36 @@ fn made_with(path: &Path) -> anyhow::Result<Config> {
     }
     if !made.is_file() {
         // A run of an earlier version, or without checkpoints.
-        return Ok(read(&present, path)?);
+        return read(&present, path).map_err(|faults| of_an_earlier_version(faults, path));
     }
-    read(&made, path).with_context(|| {
-        format!(
+    read(&made, path).map_err(|faults| {
+        let damaged = format!(
             "{} is damaged; take it out to go on with config.toml as it is",
             made.display()
-        )
+        );
+        match is_of_an_earlier_version(&faults) {
+            true => of_an_earlier_version(faults, path),
+            false => anyhow::Error::new(faults).context(damaged),
+        }
     })
+}
+
+/// Whether a run's config has the key that version 0.2 replaced.
+fn is_of_an_earlier_version(faults: &Faults) -> bool {
+    faults.faults.iter().any(|fault| fault.key == "run.kind")
+}
+
+/// Refuses a run whose config and states have the format of version 0.1; other faults stay as they are.
+fn of_an_earlier_version(faults: Faults, path: &Path) -> anyhow::Error {
+    if !is_of_an_earlier_version(&faults) {
+        return faults.into();
+    }
+    let path = path.display();
+    Input(format!(
+        "the run in {path} was made by formica 0.1, whose states this version cannot continue; resume it with \
+         formica 0.1, or begin a new run with `formica launch`"
+    ))
+    .into()
 }
 
 /// A config of the run, without checking the files that it names.
