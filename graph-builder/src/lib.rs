@@ -135,7 +135,7 @@ struct Builder<'a> {
 impl Builder<'_> {
     fn work(mut self, data: &Arc<Dataset>, stop: &AtomicBool) -> anyhow::Result<()> {
         self.status.state = State::Waiting as u32;
-        self.status.set_text("waits for the encoder");
+        self.status.set_text("waiting for weights");
         self.reporter.status(&self.status);
         let Some(mut kept) = self.kept(stop) else {
             return Ok(());
