@@ -76,8 +76,10 @@ mod tests {
     }
 
     #[test]
-    fn a_simulator_without_a_behaviour_is_refused() {
+    fn an_unknown_simulator_is_refused_and_a_walker_fits_its_own_body_alone() {
         let refused = Drive::of("flea", None).map(drop).unwrap_err().to_string();
-        assert!(refused.contains("dataset.path"), "{refused}");
+        assert!(refused.contains("no simulator 'flea'"), "{refused}");
+        let walker = Walker::load(None).unwrap();
+        assert!(walker.fits(&maze::AntBody) && !walker.fits(&maze::PointBody));
     }
 }
