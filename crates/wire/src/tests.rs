@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use simulator::{RowBuffer, RowLayout, RowValues, Values};
+use simulator::{Dtype, RowBuffer, RowLayout, RowValues, Space, Values};
 
 use crate::domain::RunDomain;
 use crate::ledger::Ledger;
@@ -293,5 +293,80 @@ fn nobody_at_home_is_an_error_with_a_name() {
         "{error}"
     );
     drop(host);
+    domain.remove();
+}
+
+/// Whether a slice lies in memory that is shared with other processes.
+fn is_shared(bytes: &[u8]) -> bool {
+    let address = bytes.as_ptr() as usize;
+    let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
+    maps.lines().any(|line| {
+        let (range, _) = line.split_once(' ').unwrap();
+        let (from, to) = range.split_once('-').unwrap();
+        let [from, to] = [from, to].map(|text| usize::from_str_radix(text, 16).unwrap());
+        (from..to).contains(&address) && line.contains("/dev/shm/")
+    })
+}
+
+#[test]
+fn images_are_read_in_place() {
+    let image = Space {
+        shape: vec![64, 64, 3],
+        dtype: Dtype::U8,
+    };
+    let mut limits = limits();
+    limits.spaces.observation = image;
+    let pixels = |row: u32| (0_u32..).map(move |i| (i * 7 + row) as u8);
+    let domain = RunDomain::create().unwrap();
+    let host = Bus::host(&domain, &limits).unwrap();
+    let mut receiver = forgetful(&host);
+    let mut taken = 0;
+    std::thread::scope(|scope| {
+        let id = domain.id().to_owned();
+        scope.spawn(move || {
+            let bus = Bus::join(&RunDomain::open(&id).unwrap(), "actor-0").unwrap();
+            let deadline = Duration::from_secs(20);
+            let mut sender = connected(&bus, bus.claim(0).unwrap(), deadline);
+            let layout = RowLayout::new(&bus.limits().spaces);
+            let mut rows = RowBuffer::new(layout, 65);
+            for row in 0..65 {
+                let bytes: Vec<u8> = pixels(row).take(64 * 64 * 3).collect();
+                rows.push(RowValues {
+                    flags: 0,
+                    reward: 1.0,
+                    log_prob: 0.0,
+                    observation: Values::U8(&bytes),
+                    action: &[0.25; 2],
+                    goal: &[1.0, 2.0],
+                });
+            }
+            for _ in 0..3 {
+                assert!(sender.wait_credit(deadline));
+                let header = TrajectoryHeader::default();
+                sender.send(header, rows.rows(), &[]).unwrap();
+            }
+            assert!(sender.drain(deadline).acknowledged);
+        });
+        let start = Instant::now();
+        while !receiver.sources().any(|source| source.left) {
+            assert!(start.elapsed() < Duration::from_secs(60));
+            receiver.receive(3, |_, trajectory| {
+                for (number, row) in (0_u32..).zip(trajectory.rows.iter()) {
+                    let Values::U8(bytes) = row.observation() else {
+                        panic!("the image came as floats");
+                    };
+                    assert!(bytes.len() == 64 * 64 * 3 && is_shared(bytes));
+                    assert!(bytes.iter().copied().eq(pixels(number).take(bytes.len())));
+                    assert_eq!((row.reward(), row.action()), (1.0, &[0.25; 2][..]));
+                }
+                assert_eq!(trajectory.rows.len(), 65);
+                taken += 1;
+            });
+            receiver.acknowledge();
+            receiver.wait(Duration::from_millis(1));
+        }
+    });
+    assert_eq!((taken, receiver.counts().refused), (3, 0));
+    drop((receiver, host));
     domain.remove();
 }
