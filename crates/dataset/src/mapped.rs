@@ -25,14 +25,21 @@ use serde::de::DeserializeOwned;
 use crate::Array;
 use header::{Description, Section};
 
+/// What to do about a file that cannot be written.
+fn remedy(source: &io::Error) -> &'static str {
+    match source.kind() {
+        io::ErrorKind::FileTooLarge => "raise the limit with `ulimit -f`",
+        _ => "make room, or start the run on another disk",
+    }
+}
+
 /// Error from writing or opening a mapped file.
 #[derive(Debug, thiserror::Error)]
 pub enum MappedError {
     /// The file could not be written.
     #[error(
-        "{path} cannot be written: {source}; it needs {megabytes} MB: make room, or start the run on \
-         another disk",
-        path = .path.display(), megabytes = .bytes.div_ceil(1_000_000)
+        "{path} cannot be written: {source}; it needs {megabytes} MB: {remedy}",
+        path = .path.display(), megabytes = .bytes.div_ceil(1_000_000), remedy = remedy(.source)
     )]
     Write {
         /// The file.

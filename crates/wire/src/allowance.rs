@@ -47,11 +47,7 @@ impl Limits {
     /// [`WireError::Limited`] with the limit that is too low, and how it is raised.
     pub fn allow(&self) -> Result<(), WireError> {
         OPEN_FILES.raise(self.open_files())?;
-        ADDRESS_SPACE.raise(self.address_space())
-    }
-
-    /// The same for the files in shared memory that channels are made of.
-    pub(crate) fn allow_segments(&self) -> Result<(), WireError> {
+        ADDRESS_SPACE.raise(self.address_space())?;
         FILE_SIZE.raise(self.largest_segment())
     }
 }

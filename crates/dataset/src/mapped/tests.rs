@@ -134,5 +134,15 @@ fn a_failed_write_reports_the_space_needed() {
     let arrays = [Values::new("floats", &FLOATS)];
     let error = write(&path, "test", &(), &arrays).unwrap_err().to_string();
     assert!(error.contains("x.mapped cannot be written: "), "{error}");
-    assert!(error.contains("it needs 1 MB"), "{error}");
+    assert!(error.contains("it needs 1 MB: make room"), "{error}");
+    let limited = MappedError::Write {
+        path,
+        bytes: 5_000_000,
+        source: io::ErrorKind::FileTooLarge.into(),
+    };
+    let told = limited.to_string();
+    assert!(
+        told.ends_with("it needs 5 MB: raise the limit with `ulimit -f`"),
+        "{told}"
+    );
 }
