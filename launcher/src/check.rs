@@ -1,6 +1,6 @@
 //! Checks of a run before any process is started: its config, its data, and the machine.
 
-mod allowance;
+pub(crate) mod allowance;
 pub(crate) mod limits;
 
 use std::path::Path;

@@ -47,7 +47,14 @@ impl Limits {
     /// [`WireError::Limited`] with the limit that is too low, and how it is raised.
     pub fn allow(&self) -> Result<(), WireError> {
         OPEN_FILES.raise(self.open_files())?;
-        ADDRESS_SPACE.raise(self.address_space())?;
+        ADDRESS_SPACE.raise(self.address_space())
+    }
+
+    /// The same for the files in shared memory that channels are made of.
+    ///
+    /// # Errors
+    /// As of [`allow`](Self::allow).
+    pub fn allow_segments(&self) -> Result<(), WireError> {
         FILE_SIZE.raise(self.largest_segment())
     }
 }

@@ -142,6 +142,7 @@ impl Bus {
         host: bool,
     ) -> Result<Self, WireError> {
         limits.allow()?;
+        limits.allow_segments()?;
         crate::logging::forward();
         let failed = |reason| WireError::Join {
             name: name.to_owned(),

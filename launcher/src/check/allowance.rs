@@ -44,6 +44,16 @@ pub(crate) fn check(config: &Config) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Raises the limit on the size of files to the needs of a run's channels. Only before the run's folder is made:
+/// collected data come first, which may need more.
+///
+/// # Errors
+/// The limit is too low, with how to raise it.
+pub(crate) fn segments(config: &Config) -> anyhow::Result<()> {
+    let plan = agents::plan(config).context("the config's algorithm is unknown")?;
+    Ok(limits(config, &*plan).allow_segments()?)
+}
+
 /// Visible processes and threads of a user.
 fn tasks_of(user: u32) -> u64 {
     let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();

@@ -41,6 +41,7 @@ pub(crate) fn launch(
         None => check::data(config)?,
         data => data,
     };
+    check::allowance::segments(config)?;
     let folder = folder::create(config)?;
     outln!(
         "run {} with config {}",
@@ -76,6 +77,7 @@ pub(crate) fn resume(
         }
     };
     check::resources(&config)?;
+    check::allowance::segments(&config)?;
     salvage::sweep(&folder.path, config.topology.actors);
     outln!(
         "run {} goes on after {:.0} s, with config {}",
