@@ -67,6 +67,7 @@ pub fn made(config: &Config) -> anyhow::Result<Option<Made>> {
         settings.walker.as_ref().map(Path::new),
     )?;
     Ok(Some(Made {
+        simulator: config.run.simulator.clone(),
         maze: config.maze.layout.clone(),
         maze_rows: config.maze.rows.join(" "),
         style: settings.style.clone(),

@@ -41,7 +41,7 @@ impl Drive {
     pub(crate) fn hash(&self) -> String {
         match self {
             Self::Walker(walker) => walker.hash(),
-            Self::Straight(body) => format!("{} straight", body.name()),
+            Self::Straight(_) => "straight".to_owned(),
         }
     }
 

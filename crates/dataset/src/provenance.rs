@@ -9,6 +9,8 @@ use crate::DatasetError;
 /// What `collect` made a data set with. In the file each field is an attribute of its name, a text.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Made {
+    /// The simulator's name.
+    pub simulator: String,
     /// The maze's name.
     pub maze: String,
     /// Its rows, joined by spaces; empty for a maze that has a name.
@@ -23,7 +25,7 @@ pub struct Made {
     pub noise: String,
     /// The run's seed.
     pub seed: String,
-    /// A hash of the walker's weights.
+    /// A hash of the walker's weights, or `straight` for a body that needs none.
     pub walker: String,
     /// Version of the program.
     pub formica_version: String,
@@ -32,8 +34,9 @@ pub struct Made {
 impl Made {
     /// Every attribute's name and value.
     #[must_use]
-    pub fn attributes(&self) -> [(&'static str, &str); 9] {
+    pub fn attributes(&self) -> [(&'static str, &str); 10] {
         [
+            ("simulator", &self.simulator),
             ("maze", &self.maze),
             ("maze_rows", &self.maze_rows),
             ("style", &self.style),
@@ -69,7 +72,10 @@ impl Made {
             ) => text.clone(),
             _ => String::new(),
         };
+        // Version 0.1 had no other simulator.
+        let simulator = Some(text("simulator")).filter(|name| !name.is_empty());
         let made = Self {
+            simulator: simulator.unwrap_or_else(|| "ant".to_owned()),
             maze: text("maze"),
             maze_rows: text("maze_rows"),
             style: text("style"),
@@ -103,6 +109,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("made.hdf5");
         let wanted = Made {
+            simulator: "point".to_owned(),
             maze: "custom".to_owned(),
             maze_rows: "111 1rg 111".to_owned(),
             noise: "0.2".to_owned(),
